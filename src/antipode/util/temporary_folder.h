@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+
+namespace antipode {
+
+/// A new empty folder in the system's place for temporary files, removed with all it holds at the
+/// end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();  ///< @throws Error if it cannot be made
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder();
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace antipode

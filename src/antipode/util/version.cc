@@ -1,0 +1,7 @@
+#include "antipode/util/version.h"
+
+namespace antipode {
+
+const char* Version() { return ANTIPODE_VERSION; }
+
+}  // namespace antipode
