@@ -1,0 +1,90 @@
+#include "antipode/weights/check.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "antipode/util/error.h"
+#include "antipode/util/quote.h"
+
+namespace antipode {
+namespace {
+
+constexpr std::size_t kMaxListed = 20;
+
+std::vector<std::string> FindProblems(const TensorFile& file,
+                                      const std::map<std::string, TensorShape>& expected) {
+  std::vector<std::string> problems;
+  for (const auto& [name, shape] : expected) {
+    const auto found = file.tensors.find(name);
+    if (found == file.tensors.end()) {
+      problems.push_back(Quoted(name) + " is missing");
+    } else if (found->second.shape != shape) {
+      problems.push_back(Quoted(name) + " has shape " + ShapeText(found->second.shape) +
+                         " instead of " + ShapeText(shape));
+    }
+  }
+  for (const auto& [name, tensor] : file.tensors) {
+    if (!expected.contains(name)) problems.push_back(Quoted(name) + " does not belong there");
+  }
+  return problems;
+}
+
+/// Exponent bits that are all set mean NaN or infinity.
+template <typename Bits>
+bool AllBelowExponent(std::span<const Bits> values, Bits exponent) {
+  return std::none_of(values.begin(), values.end(),
+                      [exponent](Bits bits) { return (bits & exponent) == exponent; });
+}
+
+bool IsFinite(const HostTensor& tensor) {
+  const auto is_finite = [](auto value) { return std::isfinite(value); };
+  switch (tensor.dtype) {
+    case Dtype::kF64:
+      return std::ranges::all_of(tensor.As<double>(), is_finite);
+    case Dtype::kF32:
+      return std::ranges::all_of(tensor.As<float>(), is_finite);
+    case Dtype::kF16:
+      return AllBelowExponent<std::uint16_t>(tensor.As<std::uint16_t>(), 0x7c00);
+    case Dtype::kBF16:
+      return AllBelowExponent<std::uint16_t>(tensor.As<std::uint16_t>(), 0x7f80);
+    default:
+      return true;
+  }
+}
+
+}  // namespace
+
+void CheckTensors(const TensorFile& file, const std::map<std::string, TensorShape>& expected,
+                  const std::string& file_name) {
+  const std::vector<std::string> problems = FindProblems(file, expected);
+  if (problems.empty()) return;
+  std::string listed;
+  for (std::size_t i = 0; i < std::min(problems.size(), kMaxListed); ++i) {
+    listed += (i == 0 ? "" : ", ") + problems[i];
+  }
+  if (problems.size() > kMaxListed) {
+    listed += ", and " + std::to_string(problems.size() - kMaxListed) + " more";
+  }
+  throw BadFile(file_name, "the weights do not fit this network: " + listed,
+                "give the weights of this network and version");
+}
+
+void CheckFinite(const TensorFile& file, const std::string& file_name) {
+  for (const auto& [name, tensor] : file.tensors) CheckFinite(tensor, name, file_name);
+}
+
+void CheckFinite(const HostTensor& tensor, const std::string& name, const std::string& file_name) {
+  if (IsFinite(tensor)) return;
+  throw BadFile(file_name, "tensor " + Quoted(name) + " has a value that is not finite",
+                "get the file again or repeat the training");
+}
+
+std::string ShapeText(const TensorShape& shape) {
+  std::string text = "[";
+  for (std::size_t i = 0; i < shape.size(); ++i) {
+    text += (i == 0 ? "" : ", ") + std::to_string(shape[i]);
+  }
+  return text + "]";
+}
+
+}  // namespace antipode

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace antipode {
+
+enum class Dtype { kF64, kF32, kF16, kBF16, kI64, kI32, kI16, kI8, kU8, kBool };
+
+std::size_t SizeOf(Dtype dtype);
+const char* Name(Dtype dtype);  ///< as in the safetensors header: "F32", "BF16", ...
+
+/// One tensor, row-major, little-endian, owned.
+struct HostTensor {
+  Dtype dtype = Dtype::kF32;
+  std::vector<std::int64_t> shape;
+  std::vector<std::byte> data;
+
+  std::int64_t NumElements() const;
+  template <typename T>
+  std::span<const T> As() const {
+    return {reinterpret_cast<const T*>(data.data()), data.size() / sizeof(T)};
+  }
+  /// The values as double, whatever the (numeric) dtype.
+  std::vector<double> ToDouble() const;
+  /// From values in memory.
+  static HostTensor FromFloat(std::vector<std::int64_t> shape, std::span<const float> values);
+};
+
+/// The same values in another floating dtype, rounded to nearest, ties to even.
+/// @throws Error if either dtype is not a floating one
+HostTensor ConvertTo(const HostTensor& tensor, Dtype dtype);
+
+struct TensorInfo {
+  Dtype dtype = Dtype::kF32;
+  std::vector<std::int64_t> shape;
+  std::uint64_t begin = 0;  ///< byte offsets into the data section
+  std::uint64_t end = 0;
+};
+
+struct TensorFile {
+  std::map<std::string, HostTensor> tensors;
+  std::map<std::string, std::string> metadata;
+};
+
+/// A safetensors file whose header has been validated entirely: header length within the file,
+/// UTF-8 JSON, known dtypes, shapes that multiply without overflow to exactly the byte range,
+/// ranges in bounds, not overlapping, and without holes. Nothing is allocated from an unvalidated
+/// number.
+class SafetensorsReader {
+ public:
+  /// @throws BadFile naming the file and the first tensor at fault
+  explicit SafetensorsReader(std::filesystem::path path);
+
+  const std::map<std::string, TensorInfo>& tensors() const { return infos_; }
+  const std::map<std::string, std::string>& metadata() const { return metadata_; }
+  HostTensor Read(const std::string& name) const;  ///< @throws BadFile if it is not there
+  TensorFile ReadAll() const;
+
+ private:
+  std::filesystem::path path_;
+  std::uint64_t data_offset_ = 0;
+  std::map<std::string, TensorInfo> infos_;
+  std::map<std::string, std::string> metadata_;
+};
+
+/// Writes to a temporary file beside `path`, then renames. Tensors are stored in name order.
+/// @throws Error naming `path` and the tensor whose data contradict its shape, or why it cannot be
+/// written
+void WriteSafetensors(const std::filesystem::path& path, const TensorFile& file);
+
+}  // namespace antipode
