@@ -1,0 +1,57 @@
+#include "catalogue.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "geometry_kinds.h"
+
+namespace antipode::golden {
+namespace {
+
+bool IsVariantOf(const std::string& name, const std::string& kind) {
+  if (!name.starts_with(kind)) return false;
+  if (name.size() == kind.size()) return true;
+  const char next = name[kind.size()];
+  return next == '_' || std::isdigit(static_cast<unsigned char>(next));
+}
+
+bool HasSignature(const GoldenCase& golden_case, const CatalogueEntry& entry) {
+  return std::all_of(entry.signature.begin(), entry.signature.end(),
+                     [&](const std::string& tensor) { return golden_case.Lists(tensor); });
+}
+
+const CatalogueEntry* FindByName(std::span<const CatalogueEntry> catalogue,
+                                 const std::string& name) {
+  const CatalogueEntry* longest = nullptr;
+  for (const CatalogueEntry& entry : catalogue) {
+    if (!IsVariantOf(name, entry.kind)) continue;
+    if (!longest || entry.kind.size() > longest->kind.size()) longest = &entry;
+  }
+  return longest;
+}
+
+const CatalogueEntry* FindBySignature(std::span<const CatalogueEntry> catalogue,
+                                      const GoldenCase& golden_case) {
+  const CatalogueEntry* only = nullptr;
+  for (const CatalogueEntry& entry : catalogue) {
+    if (!HasSignature(golden_case, entry)) continue;
+    if (only) return nullptr;
+    only = &entry;
+  }
+  return only;
+}
+
+}  // namespace
+
+std::vector<CatalogueEntry> Catalogue() { return GeometryKinds(); }
+
+const CatalogueEntry* FindEntry(std::span<const CatalogueEntry> catalogue,
+                                const GoldenCase& golden_case) {
+  for (const CatalogueEntry& entry : catalogue) {
+    if (entry.kind == golden_case.kind) return &entry;
+  }
+  const CatalogueEntry* by_name = FindByName(catalogue, golden_case.name);
+  return by_name ? by_name : FindBySignature(catalogue, golden_case);
+}
+
+}  // namespace antipode::golden
