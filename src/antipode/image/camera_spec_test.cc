@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "antipode/image/temporary_folder_test.h"
+#include "antipode/util/temporary_folder.h"
 #include "antipode/util/error.h"
 
 namespace antipode {

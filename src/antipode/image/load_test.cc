@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "antipode/image/temporary_folder_test.h"
+#include "antipode/util/temporary_folder.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "antipode/image/temporary_folder_test.h"
+#include "antipode/util/temporary_folder.h"
 #include "antipode/util/error.h"
 
 namespace antipode {

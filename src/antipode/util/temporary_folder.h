@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <string_view>
 
 namespace antipode {
 
@@ -14,6 +16,9 @@ class TemporaryFolder {
   ~TemporaryFolder();
 
   const std::filesystem::path& path() const { return path_; }
+
+  /// Path of a new file in it with these bytes.
+  std::filesystem::path Write(const std::string& name, std::string_view bytes) const;
 
  private:
   std::filesystem::path path_;
