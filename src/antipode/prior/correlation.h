@@ -1,0 +1,24 @@
+#pragma once
+
+#include <torch/torch.h>
+
+namespace antipode {
+
+/// Correlation of two codes over SO(3). With C_l = sum_c F_query[c, l] F_reference[c, l]^T the score of a
+/// rotation is s(R) = sum_l <C_l, D_l(R)>, a dot product of the stacked C_l with `WignerMatrices(R)`.
+///
+/// @param query, reference [P, C, (L + 1)^2]
+/// @return [P, WignerSize(L)], the stacked C_l
+torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& reference, int max_degree);
+
+/// Negative log density of the true rotations under p(R) = exp(s(R)) / mean over SO(3) of exp(s), against
+/// the uniform density; the mean is taken over a grid. 0 for a code that knows nothing.
+///
+/// @param correlations [P, WignerSize]
+/// @param true_wigner  [P, WignerSize], Wigner matrices of query_from_reference
+/// @param grid_wigner  [G, WignerSize]
+/// @return [P]
+torch::Tensor NegativeLogDensity(const torch::Tensor& correlations, const torch::Tensor& true_wigner,
+                                 const torch::Tensor& grid_wigner);
+
+}  // namespace antipode

@@ -1,0 +1,131 @@
+#include "antipode/prior/object_prior.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "antipode/geometry/spherical_harmonics.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/prior/correlation.h"
+#include "antipode/util/error.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+struct CalibrationField {
+  const char* name;
+  double PriorCalibration::* value;
+};
+constexpr CalibrationField kCalibrationFields[] = {
+    {"temperature", &PriorCalibration::temperature},
+    {"confidence_slope", &PriorCalibration::confidence_slope},
+    {"confidence_offset", &PriorCalibration::confidence_offset},
+};
+
+}  // namespace
+
+std::map<std::string, std::string> PriorCalibration::ToMetadata() const {
+  std::map<std::string, std::string> metadata;
+  for (const auto& field : kCalibrationFields) metadata[field.name] = std::to_string(this->*field.value);
+  return metadata;
+}
+
+PriorCalibration PriorCalibration::FromMetadata(const std::map<std::string, std::string>& metadata,
+                                                const std::string& file) {
+  PriorCalibration calibration;
+  for (const auto& field : kCalibrationFields) {
+    const auto entry = metadata.find(field.name);
+    if (entry == metadata.end()) continue;
+    char* end = nullptr;
+    calibration.*field.value = std::strtod(entry->second.c_str(), &end);
+    if (end == entry->second.c_str() || *end != '\0' || !std::isfinite(calibration.*field.value))
+      throw BadFile(file, std::string("its metadata has a malformed ") + field.name, "restore the file");
+  }
+  if (!(calibration.temperature > 0)) throw BadFile(file, "its temperature is not positive", "restore the file");
+  return calibration;
+}
+
+torch::Tensor EncoderInput(std::span<const ObjectView> views, int size) {
+  auto pixels = torch::empty({static_cast<std::int64_t>(views.size()), size, size, 3}, torch::kUInt8);
+  auto* destination = pixels.data_ptr<std::uint8_t>();
+  for (const ObjectView& view : views) {
+    if (view.image.cols != size || view.image.rows != size || view.image.type() != CV_8UC3)
+      throw Error("object prior", "was given a crop of another size", "crop with ObjectPrior::ViewOptions()");
+    const cv::Mat image = view.image.isContinuous() ? view.image : view.image.clone();
+    std::copy_n(image.ptr<std::uint8_t>(), image.total() * 3, destination);
+    destination += image.total() * 3;
+  }
+  return pixels.permute({0, 3, 1, 2}).to(torch::kFloat) / 255;
+}
+
+ObjectPrior ObjectPrior::Load(const std::string& model_or_folder, torch::Device device) {
+  const TensorFile file = LoadModel(model_or_folder);
+  ObjectEncoder encoder(ObjectEncoderConfig::FromMetadata(file.metadata, model_or_folder));
+  LoadInto(*encoder, file, model_or_folder);
+  encoder->backbone->AbsorbNormalization();
+  return ObjectPrior(std::move(encoder), device, PriorCalibration::FromMetadata(file.metadata, model_or_folder));
+}
+
+ObjectPrior::ObjectPrior(ObjectEncoder encoder, torch::Device device,
+                         const PriorCalibration& calibration, TestTimeAveraging averaging)
+    : encoder_(std::move(encoder)),
+      device_(device),
+      calibration_(calibration),
+      averaging_(averaging),
+      posterior_(std::make_shared<RotationPosterior>(encoder_->config().max_degree)) {
+  encoder_->to(device);
+  encoder_->eval();
+  const Eigen::VectorXd signs = MirrorXSigns(encoder_->config().max_degree);
+  mirror_signs_ = torch::from_blob(const_cast<double*>(signs.data()), {signs.size()}, torch::kDouble)
+                      .to(torch::kFloat)
+                      .to(device);
+}
+
+ObjectViewOptions ObjectPrior::ViewOptions() const {
+  ObjectViewOptions options;
+  options.size = encoder_->config().image_size;
+  return options;
+}
+
+torch::Tensor ObjectPrior::Encode(std::span<const ObjectView> views) const {
+  const torch::InferenceMode inference;
+  const auto images = EncoderInput(views, encoder_->config().image_size).to(device_);
+  ObjectEncoder encoder = encoder_;
+  torch::Tensor codes;
+  if (averaging_ == TestTimeAveraging::kMirrored) {
+    const auto both = encoder->forward(torch::cat({images, images.flip(3)})).chunk(2);
+    // Each half of the channels adds its own score; the factor makes the sum of scores their mean.
+    codes = torch::cat({both[0], both[1] * mirror_signs_}, 1) * std::sqrt(0.5);
+  } else {
+    codes = encoder->forward(images);
+  }
+  codes = codes.to(torch::kCPU);
+  if (!torch::isfinite(codes).all().item<bool>())
+    throw Error("object prior", "the network's output is not finite", "verify the weights: antipode models verify");
+  return codes;
+}
+
+Eigen::VectorXf ObjectPrior::Correlation(const torch::Tensor& reference_code,
+                                         const torch::Tensor& query_code) const {
+  const torch::InferenceMode inference;
+  const auto correlation =
+      CorrelateCodes(query_code.unsqueeze(0), reference_code.unsqueeze(0), posterior_->max_degree())
+          .contiguous();
+  return Eigen::Map<const Eigen::VectorXf>(correlation.const_data_ptr<float>(), correlation.numel());
+}
+
+std::vector<RotationMode> ObjectPrior::Compare(const torch::Tensor& reference_code,
+                                               const torch::Tensor& query_code,
+                                               PosteriorOptions options) const {
+  options.temperature *= calibration_.temperature;
+  return posterior_->FindModes(Correlation(reference_code, query_code), options);
+}
+
+double ObjectPrior::Confidence(double mode_probability) const {
+  const double log_odds =
+      calibration_.confidence_slope * LogOdds(mode_probability) + calibration_.confidence_offset;
+  return 1 / (1 + std::exp(-log_odds));
+}
+
+}  // namespace antipode

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <torch/torch.h>
+
+#include "antipode/object/object_view.h"
+#include "antipode/prior/object_encoder.h"
+#include "antipode/prior/posterior.h"
+
+namespace antipode {
+
+/// Images as the encoder takes them: [N, 3, S, S], RGB in 0..1.
+/// @throws Error if a view is not `size` pixels wide
+torch::Tensor EncoderInput(std::span<const ObjectView> views, int size);
+
+/// What makes the probabilities of a trained prior honest; fitted on validation objects, stored in the
+/// model's metadata.
+struct PriorCalibration {
+  double temperature = 1;         ///< of the posterior; `PosteriorOptions::temperature` multiplies it
+  double confidence_slope = 1;    ///< confidence = sigmoid(slope * logit(probability) + offset)
+  double confidence_offset = 0;
+
+  std::map<std::string, std::string> ToMetadata() const;
+  /// Entries that are missing keep their defaults. @throws BadFile if one is malformed
+  static PriorCalibration FromMetadata(const std::map<std::string, std::string>& metadata,
+                                       const std::string& file);
+};
+
+/// Which versions of an image `ObjectPrior::Encode` looks at. The mirrored one costs a second pass of the
+/// network; its code is mirrored back and the scores of both are averaged.
+enum class TestTimeAveraging { kNone, kMirrored };
+
+/// The built-in prior: codes of object-centric images, and the posterior over the rotation between two.
+class ObjectPrior {
+ public:
+  /// From a shipped or imported model ("prior"), or a folder that `antipode train prior` wrote.
+  /// @throws BadFile naming the model file and what is wrong with it
+  static ObjectPrior Load(const std::string& model_or_folder, torch::Device device = torch::kCPU);
+
+  ObjectPrior(ObjectEncoder encoder, torch::Device device, const PriorCalibration& calibration = {},
+              TestTimeAveraging averaging = TestTimeAveraging::kMirrored);
+
+  /// Crops must be made with these options.
+  ObjectViewOptions ViewOptions() const;
+
+  /// @return [N, C', (L + 1)^2], on the CPU; C' = C, or 2 C with the mirrored images
+  torch::Tensor Encode(std::span<const ObjectView> views) const;
+
+  /// Peaks of p(query_crop_from_reference_crop), best first.
+  /// @param reference_code, query_code [C', (L + 1)^2]
+  std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                    PosteriorOptions options = {}) const;
+
+  /// The stacked C_l of a pair (see correlation.h), not yet divided by the temperature.
+  Eigen::VectorXf Correlation(const torch::Tensor& reference_code, const torch::Tensor& query_code) const;
+
+  const RotationPosterior& posterior() const { return *posterior_; }
+  const PriorCalibration& calibration() const { return calibration_; }
+
+  /// How often the best rotation is within 30 degrees of the truth, given the probability of its mode: a
+  /// logistic function of the mode's log odds, fitted on validation objects; part of the model.
+  double Confidence(double mode_probability) const;
+
+ private:
+  ObjectEncoder encoder_;
+  torch::Device device_;
+  PriorCalibration calibration_;
+  TestTimeAveraging averaging_;
+  torch::Tensor mirror_signs_;
+  std::shared_ptr<const RotationPosterior> posterior_;
+};
+
+}  // namespace antipode

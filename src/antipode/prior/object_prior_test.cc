@@ -1,0 +1,117 @@
+#include "antipode/prior/object_prior.h"
+
+#include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
+
+#include "antipode/geometry/so3_grid.h"
+#include "antipode/geometry/spherical_harmonics.h"
+#include "antipode/prior/correlation.h"
+#include "antipode/util/error.h"
+
+namespace antipode {
+namespace {
+
+ObjectEncoderConfig SmallConfig() {
+  ObjectEncoderConfig config;
+  config.image_size = 64;
+  config.max_degree = 4;
+  config.channels = 6;
+  config.width = 24;
+  config.layers = 1;
+  config.heads = 2;
+  config.feed_forward = 32;
+  config.spatial_bases = 4;
+  return config;
+}
+
+ObjectEncoder SmallEncoder() {
+  torch::manual_seed(3);
+  return ObjectEncoder(SmallConfig());
+}
+
+ObjectView ViewWithDisc(int x, int y) {
+  ObjectView view;
+  view.image = cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(255));
+  cv::circle(view.image, {x, y}, 11, {200, 40, 90}, cv::FILLED);
+  cv::rectangle(view.image, {8, 40, 20, 12}, {10, 90, 200}, cv::FILLED);
+  return view;
+}
+
+TEST(ObjectEncoder, CodesHaveTheLearnedNorm) {
+  const torch::NoGradGuard no_gradient;
+  auto encoder = SmallEncoder();
+  const auto codes = encoder->forward(torch::rand({3, 3, 64, 64}));
+  EXPECT_EQ(codes.sizes(), (std::vector<std::int64_t>{3, 6, 25}));
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(codes[i].norm().item<double>(), std::exp(1.0), 1e-3);
+}
+
+TEST(ObjectEncoder, ConfigurationSurvivesTheMetadata) {
+  const auto metadata = SmallConfig().ToMetadata();
+  EXPECT_EQ(ObjectEncoderConfig::FromMetadata(metadata, "x").ToMetadata(), metadata);
+  for (const auto& [key, value] : metadata) {
+    auto broken = metadata;
+    broken.erase(key);
+    EXPECT_THROW(ObjectEncoderConfig::FromMetadata(broken, "x"), BadFile) << key;
+    broken[key] = "12x";
+    EXPECT_THROW(ObjectEncoderConfig::FromMetadata(broken, "x"), Error) << key;
+  }
+}
+
+TEST(Correlation, IsTheSumOverChannelsAndDegrees) {
+  const auto query = torch::randn({2, 3, 9}), reference = torch::randn({2, 3, 9});
+  const auto stacked = CorrelateCodes(query, reference, 2);
+  ASSERT_EQ(stacked.size(1), WignerSize(2));
+  double expected = 0;  // of degree 1, m = 0 (row 1), n = 1 (column 2), second pair
+  for (int c = 0; c < 3; ++c) expected += (query[1][c][2] * reference[1][c][3]).item<double>();
+  EXPECT_NEAR(stacked[1][WignerOffset(1) + 1 * 3 + 2].item<double>(), expected, 1e-5);
+}
+
+TEST(Correlation, KnowingNothingCostsNothing) {
+  const auto grid = WignerMatrices(SuperFibonacciRotations(256), 3);
+  const auto wigner = torch::from_blob(const_cast<float*>(grid.data()), {256, WignerSize(3)}).clone();
+  const auto loss = NegativeLogDensity(torch::zeros({5, WignerSize(3)}), wigner.slice(0, 0, 5), wigner);
+  EXPECT_LT(loss.abs().max().item<double>(), 1e-5);
+}
+
+TEST(ObjectPrior, AMirroredImageHasTheMirroredCode) {
+  const ObjectPrior prior(SmallEncoder(), torch::kCPU);
+  ObjectView view = ViewWithDisc(40, 22), mirrored;
+  cv::flip(view.image, mirrored.image, 1);
+  const auto code = prior.Encode(std::vector{view})[0], other = prior.Encode(std::vector{mirrored})[0];
+  const Eigen::VectorXd signs = MirrorXSigns(4);
+  const auto as_tensor = torch::from_blob(const_cast<double*>(signs.data()), {25}, torch::kDouble).to(torch::kFloat);
+  const auto halves = code.chunk(2), other_halves = other.chunk(2);
+  EXPECT_LT((halves[0] * as_tensor - other_halves[1]).abs().max().item<double>(), 1e-5);
+  EXPECT_LT((halves[1] * as_tensor - other_halves[0]).abs().max().item<double>(), 1e-5);
+}
+
+TEST(ObjectPrior, BatchingChangesNothing) {
+  const ObjectPrior prior(SmallEncoder(), torch::kCPU);
+  const ObjectView a = ViewWithDisc(40, 22), b = ViewWithDisc(15, 30);
+  const auto together = prior.Encode(std::vector{a, b});
+  EXPECT_LT((together[1] - prior.Encode(std::vector{b})[0]).abs().max().item<double>(), 1e-5);
+}
+
+TEST(ObjectPrior, ConfidenceIsALogisticFunctionOfTheLogOdds) {
+  PriorCalibration calibration;
+  calibration.confidence_slope = 0.5;
+  calibration.confidence_offset = 1;
+  const ObjectPrior prior(SmallEncoder(), torch::kCPU, calibration);
+  EXPECT_NEAR(prior.Confidence(0.5), 1 / (1 + std::exp(-1.0)), 1e-12);
+  EXPECT_LT(prior.Confidence(0), prior.Confidence(0.3));
+  EXPECT_LE(prior.Confidence(1), 1);
+  const auto metadata = calibration.ToMetadata();
+  EXPECT_EQ(PriorCalibration::FromMetadata(metadata, "x").confidence_offset, 1);
+  EXPECT_THROW(PriorCalibration::FromMetadata({{"temperature", "-1"}}, "x"), BadFile);
+  EXPECT_THROW(PriorCalibration::FromMetadata({{"temperature", "warm"}}, "x"), BadFile);
+}
+
+TEST(ObjectPrior, RefusesCropsOfAnotherSize) {
+  const ObjectPrior prior(SmallEncoder(), torch::kCPU);
+  ObjectView view = ViewWithDisc(20, 20);
+  cv::resize(view.image, view.image, {32, 32});
+  EXPECT_THROW(prior.Encode(std::vector{view}), Error);
+}
+
+}  // namespace
+}  // namespace antipode

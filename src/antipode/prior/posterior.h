@@ -1,0 +1,60 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "antipode/geometry/wigner.h"
+
+namespace antipode {
+
+/// A peak of the posterior over relative rotations.
+struct RotationMode {
+  Eigen::Matrix3d rotation;  ///< query_from_reference
+  double probability = 0;    ///< posterior mass within `PosteriorOptions::mass_radius_deg`
+  double score = 0;          ///< s(R) / temperature
+};
+
+struct PosteriorOptions {
+  int max_modes = 5;                 ///< how many peaks to report
+  double separation_deg = 30;        ///< peaks nearer to a better one are left out
+  double mass_radius_deg = 15;       ///< the ball whose mass is a peak's probability
+  double temperature = 1;            ///< p ~ exp(s / temperature); calibrated on validation data
+  double least_probability = 0.005;  ///< peaks below are left out, except the best
+  void Check() const;
+};
+
+/// log(p / (1 - p)), finite for every p in 0..1.
+double LogOdds(double probability);
+
+/// Evaluates and maximises band-limited scores s(R) = sum_l <C_l, D_l(R)> over SO(3).
+class RotationPosterior {
+ public:
+  /// Precomputes the Wigner matrices of `grid_size` super-Fibonacci rotations (about 80 MB for 20,736 and L = 8).
+  explicit RotationPosterior(int max_degree, int grid_size = 20736);
+
+  /// Peaks, best first: grid maxima, refined by Newton's method on SO(3). Their balls are cut where they
+  /// overlap (a grid rotation counts for the nearest peak), so the probabilities sum to at most 1.
+  /// @param correlation stacked C_l, length WignerSize(max_degree)
+  std::vector<RotationMode> FindModes(const Eigen::VectorXf& correlation,
+                                      const PosteriorOptions& options = {}) const;
+
+  /// s(R) of every rotation of the grid.
+  Eigen::VectorXf GridScores(const Eigen::VectorXf& correlation) const { return grid_wigner_ * correlation; }
+
+  double Score(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation) const;
+
+  /// Newton ascent from `start`; falls back to a gradient step where the Hessian is not negative definite.
+  Eigen::Matrix3d Maximize(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& start) const;
+
+  int max_degree() const { return max_degree_; }
+  const std::vector<Eigen::Matrix3d>& grid() const { return grid_; }
+
+ private:
+  int max_degree_;
+  std::vector<Eigen::Matrix3d> grid_;
+  RowMajorMatrixXf grid_wigner_;
+  std::vector<std::array<Eigen::MatrixXd, 3>> generators_;
+};
+
+}  // namespace antipode
