@@ -40,12 +40,4 @@ Eigen::VectorXd SphericalHarmonics(const Eigen::Vector3d& direction, int max_deg
   return values;
 }
 
-Eigen::VectorXd MirrorXSigns(int max_degree) {
-  Eigen::VectorXd signs(SphericalHarmonicCount(max_degree));
-  // The azimuth becomes pi - phi: cos(m phi) is multiplied by (-1)^m, sin(m phi) by -(-1)^m.
-  for (int l = 0; l <= max_degree; ++l)
-    for (int m = -l; m <= l; ++m) signs[l * l + l + m] = ((m % 2 == 0) == (m >= 0)) ? 1 : -1;
-  return signs;
-}
-
 }  // namespace antipode

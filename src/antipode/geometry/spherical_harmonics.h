@@ -12,7 +12,4 @@ constexpr int SphericalHarmonicCount(int max_degree) { return (max_degree + 1) *
 /// @param direction a unit vector
 Eigen::VectorXd SphericalHarmonics(const Eigen::Vector3d& direction, int max_degree);
 
-/// Signs s with Y(M x) = s * Y(x), M = diag(-1, 1, 1): what mirroring left and right does to coefficients.
-Eigen::VectorXd MirrorXSigns(int max_degree);
-
 }  // namespace antipode

@@ -50,15 +50,6 @@ TEST(SphericalHarmonics, DegreeOneIsYZX) {
   EXPECT_NEAR(y[3], scale * d.x(), 1e-14);
 }
 
-TEST(SphericalHarmonics, MirroringChangesSigns) {
-  std::mt19937_64 random(6);
-  const Eigen::Vector3d x = RandomDirection(random);
-  const Eigen::Vector3d mirrored(-x.x(), x.y(), x.z());
-  const Eigen::VectorXd expected =
-      MirrorXSigns(kMaxDegree).cwiseProduct(SphericalHarmonics(x, kMaxDegree));
-  EXPECT_LT((SphericalHarmonics(mirrored, kMaxDegree) - expected).norm(), 1e-12);
-}
-
 TEST(Wigner, RotatesTheHarmonics) {
   std::mt19937_64 random(2);
   for (int trial = 0; trial < 50; ++trial) {

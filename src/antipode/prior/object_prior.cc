@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
@@ -68,18 +67,13 @@ ObjectPrior ObjectPrior::Load(const std::string& model_or_folder, torch::Device 
 }
 
 ObjectPrior::ObjectPrior(ObjectEncoder encoder, torch::Device device,
-                         const PriorCalibration& calibration, TestTimeAveraging averaging)
+                         const PriorCalibration& calibration)
     : encoder_(std::move(encoder)),
       device_(device),
       calibration_(calibration),
-      averaging_(averaging),
       posterior_(std::make_shared<RotationPosterior>(encoder_->config().max_degree)) {
   encoder_->to(device);
   encoder_->eval();
-  const Eigen::VectorXd signs = MirrorXSigns(encoder_->config().max_degree);
-  mirror_signs_ = torch::from_blob(const_cast<double*>(signs.data()), {signs.size()}, torch::kDouble)
-                      .to(torch::kFloat)
-                      .to(device);
 }
 
 ObjectViewOptions ObjectPrior::ViewOptions() const {
@@ -92,15 +86,7 @@ torch::Tensor ObjectPrior::Encode(std::span<const ObjectView> views) const {
   const torch::InferenceMode inference;
   const auto images = EncoderInput(views, encoder_->config().image_size).to(device_);
   ObjectEncoder encoder = encoder_;
-  torch::Tensor codes;
-  if (averaging_ == TestTimeAveraging::kMirrored) {
-    const auto both = encoder->forward(torch::cat({images, images.flip(3)})).chunk(2);
-    // Each half of the channels adds its own score; the factor makes the sum of scores their mean.
-    codes = torch::cat({both[0], both[1] * mirror_signs_}, 1) * std::sqrt(0.5);
-  } else {
-    codes = encoder->forward(images);
-  }
-  codes = codes.to(torch::kCPU);
+  const auto codes = encoder->forward(images).to(torch::kCPU);
   if (!torch::isfinite(codes).all().item<bool>())
     throw Error("object prior", "the network's output is not finite", "verify the weights: antipode models verify");
   return codes;

@@ -32,10 +32,6 @@ struct PriorCalibration {
                                        const std::string& file);
 };
 
-/// Which versions of an image `ObjectPrior::Encode` looks at. The mirrored one costs a second pass of the
-/// network; its code is mirrored back and the scores of both are averaged.
-enum class TestTimeAveraging { kNone, kMirrored };
-
 /// The built-in prior: codes of object-centric images, and the posterior over the rotation between two.
 class ObjectPrior {
  public:
@@ -43,17 +39,16 @@ class ObjectPrior {
   /// @throws BadFile naming the model file and what is wrong with it
   static ObjectPrior Load(const std::string& model_or_folder, torch::Device device = torch::kCPU);
 
-  ObjectPrior(ObjectEncoder encoder, torch::Device device, const PriorCalibration& calibration = {},
-              TestTimeAveraging averaging = TestTimeAveraging::kMirrored);
+  ObjectPrior(ObjectEncoder encoder, torch::Device device, const PriorCalibration& calibration = {});
 
   /// Crops must be made with these options.
   ObjectViewOptions ViewOptions() const;
 
-  /// @return [N, C', (L + 1)^2], on the CPU; C' = C, or 2 C with the mirrored images
+  /// @return [N, C, (L + 1)^2], on the CPU
   torch::Tensor Encode(std::span<const ObjectView> views) const;
 
   /// Peaks of p(query_crop_from_reference_crop), best first.
-  /// @param reference_code, query_code [C', (L + 1)^2]
+  /// @param reference_code, query_code [C, (L + 1)^2]
   std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,
                                     PosteriorOptions options = {}) const;
 
@@ -71,8 +66,6 @@ class ObjectPrior {
   ObjectEncoder encoder_;
   torch::Device device_;
   PriorCalibration calibration_;
-  TestTimeAveraging averaging_;
-  torch::Tensor mirror_signs_;
   std::shared_ptr<const RotationPosterior> posterior_;
 };
 

@@ -4,7 +4,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "antipode/geometry/so3_grid.h"
-#include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
 
@@ -71,18 +70,6 @@ TEST(Correlation, KnowingNothingCostsNothing) {
   const auto wigner = torch::from_blob(const_cast<float*>(grid.data()), {256, WignerSize(3)}).clone();
   const auto loss = NegativeLogDensity(torch::zeros({5, WignerSize(3)}), wigner.slice(0, 0, 5), wigner);
   EXPECT_LT(loss.abs().max().item<double>(), 1e-5);
-}
-
-TEST(ObjectPrior, AMirroredImageHasTheMirroredCode) {
-  const ObjectPrior prior(SmallEncoder(), torch::kCPU);
-  ObjectView view = ViewWithDisc(40, 22), mirrored;
-  cv::flip(view.image, mirrored.image, 1);
-  const auto code = prior.Encode(std::vector{view})[0], other = prior.Encode(std::vector{mirrored})[0];
-  const Eigen::VectorXd signs = MirrorXSigns(4);
-  const auto as_tensor = torch::from_blob(const_cast<double*>(signs.data()), {25}, torch::kDouble).to(torch::kFloat);
-  const auto halves = code.chunk(2), other_halves = other.chunk(2);
-  EXPECT_LT((halves[0] * as_tensor - other_halves[1]).abs().max().item<double>(), 1e-5);
-  EXPECT_LT((halves[1] * as_tensor - other_halves[0]).abs().max().item<double>(), 1e-5);
 }
 
 TEST(ObjectPrior, BatchingChangesNothing) {
