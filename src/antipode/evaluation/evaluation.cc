@@ -1,0 +1,179 @@
+#include "antipode/evaluation/evaluation.h"
+
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "antipode/geometry/pose_metrics.h"
+#include "antipode/geometry/rotation.h"
+#include "antipode/util/error.h"
+
+namespace antipode {
+namespace {
+
+constexpr double kLikelyProbability = 0.1;
+constexpr double kNearTruthDeg = 30;
+
+/// What came of one call of a method: a pose or a message.
+struct Attempt {
+  std::optional<TwoViewPose> pose;
+  std::string failure;
+  double seconds = 0;
+};
+
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+std::string FirstLine(const std::string& text) {
+  return text.substr(0, text.find_first_of("\r\n"));
+}
+
+Attempt Try(const PoseMethod& method, const ObjectPhotograph& reference,
+            const ObjectPhotograph& query) {
+  Attempt attempt;
+  const Stopwatch stopwatch;
+  try {
+    attempt.pose = method.estimate(reference, query);
+  } catch (const Interrupted&) {
+    throw;
+  } catch (const std::exception& error) {
+    attempt.failure = FirstLine(error.what());
+  }
+  attempt.seconds = stopwatch.Seconds();
+  return attempt;
+}
+
+double ViewAngleDeg(const Rigid3& a_from_object, const Rigid3& b_from_object) {
+  const Eigen::Vector3d a = a_from_object.OriginInSource();
+  const Eigen::Vector3d b = b_from_object.OriginInSource();
+  return DegreesFromRadians(std::atan2(a.cross(b).norm(), a.dot(b)));
+}
+
+EvaluatedPair DescribePair(const EvaluationScene& scene, const ViewPair& pair,
+                           const Rigid3& query_from_reference) {
+  const SceneView& reference = scene.views[pair.reference];
+  const SceneView& query = scene.views[pair.query];
+  EvaluatedPair row;
+  row.object = scene.object;
+  row.reference = reference.name;
+  row.query = query.name;
+  row.angle_deg = ViewAngleDeg(reference.camera_from_object, query.camera_from_object);
+  row.rotation_deg = RotationAngleDeg(query_from_reference.rotation);
+  return row;
+}
+
+void RecordFailure(const Attempt& attempt, const Rigid3& truth, EvaluatedPair& row) {
+  row.failed = true;
+  row.failure = attempt.failure;
+  row.translation_error_deg =
+      TranslationDirectionErrorDeg(Eigen::Vector3d::Zero(), truth.translation);
+}
+
+void RecordPose(const TwoViewPose& pose, const Rigid3& truth, EvaluatedPair& row) {
+  row.rotation_error_deg = RotationErrorDeg(pose.query_from_reference.rotation, truth.rotation);
+  row.translation_error_deg =
+      TranslationDirectionErrorDeg(pose.query_from_reference.translation, truth.translation);
+  row.confidence = std::isfinite(pose.confidence) ? pose.confidence : 0;
+  for (const PoseHypothesis& hypothesis : pose.hypotheses) {
+    if (!(hypothesis.probability >= kLikelyProbability)) continue;
+    ++row.likely_hypotheses;
+    row.truth_among_likely |=
+        RotationErrorDeg(hypothesis.query_from_reference.rotation, truth.rotation) < kNearTruthDeg;
+  }
+}
+
+double SwapDifferenceDeg(const Attempt& attempt, const Attempt& swapped) {
+  if (!attempt.pose || !swapped.pose) return 180;
+  const Eigen::Matrix3d& rotation = attempt.pose->query_from_reference.rotation;
+  const Eigen::Matrix3d& swapped_rotation = swapped.pose->query_from_reference.rotation;
+  if (!rotation.allFinite()) return 180;
+  return RotationErrorDeg(swapped_rotation.transpose(), rotation);
+}
+
+class Evaluator {
+ public:
+  Evaluator(const Dataset& dataset, const PoseMethod& method, const EvaluationOptions& options,
+            const ProgressCallback& progress)
+      : dataset_(dataset), method_(method), options_(options), progress_(progress) {
+    result_.dataset = dataset.Name();
+    result_.method = method.name;
+    status_.total = static_cast<std::int64_t>(dataset.PairCount());
+  }
+
+  EvaluationResult Run() {
+    for (std::size_t i = 0; i < dataset_.ObjectCount(); ++i) {
+      Report("loading");
+      const Stopwatch stopwatch;
+      const EvaluationScene scene = dataset_.Load(i);
+      result_.loading_seconds += stopwatch.Seconds();
+      result_.objects.push_back(EvaluateObject(scene));
+    }
+    Report("done");
+    return std::move(result_);
+  }
+
+ private:
+  EvaluatedObject EvaluateObject(const EvaluationScene& scene) {
+    EvaluatedObject object{scene.object, scene.symmetric, {}, {}};
+    for (const ViewPair& pair : scene.pairs) {
+      status_.detail = scene.object;
+      Report("evaluating");
+      EvaluatePair(scene, pair, object);
+      ++status_.done;
+    }
+    return object;
+  }
+
+  void EvaluatePair(const EvaluationScene& scene, const ViewPair& pair, EvaluatedObject& object) {
+    const SceneView& reference = scene.views.at(pair.reference);
+    const SceneView& query = scene.views.at(pair.query);
+    const Rigid3 truth = query.camera_from_object * reference.camera_from_object.Inverse();
+    EvaluatedPair row = DescribePair(scene, pair, truth);
+
+    const Attempt attempt = Try(method_, reference.photograph, query.photograph);
+    row.seconds = attempt.seconds;
+    if (attempt.pose) {
+      RecordPose(*attempt.pose, truth, row);
+      for (const auto& [stage, seconds] : attempt.pose->timings_s)
+        object.stage_seconds[stage] += seconds;
+    } else {
+      RecordFailure(attempt, truth, row);
+    }
+    if (options_.check_swap) {
+      row.swap_difference_deg =
+          SwapDifferenceDeg(attempt, Try(method_, query.photograph, reference.photograph));
+    }
+    object.pairs.push_back(std::move(row));
+  }
+
+  void Report(const std::string& stage) {
+    status_.stage = stage;
+    if (progress_) progress_(status_);
+  }
+
+  const Dataset& dataset_;
+  const PoseMethod& method_;
+  const EvaluationOptions& options_;
+  const ProgressCallback& progress_;
+  Progress status_;
+  EvaluationResult result_;
+};
+
+}  // namespace
+
+EvaluationResult Evaluate(const Dataset& dataset, const PoseMethod& method,
+                          const EvaluationOptions& options, const ProgressCallback& progress) {
+  return Evaluator(dataset, method, options, progress).Run();
+}
+
+}  // namespace antipode
