@@ -1,0 +1,432 @@
+#include "antipode/training/prior_trainer.h"
+
+#if __has_include(<malloc.h>)
+#include <malloc.h>
+#endif
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <numbers>
+#include <thread>
+
+#include "antipode/evaluation/prior_evaluation.h"
+#include "antipode/geometry/rotation.h"
+#include "antipode/geometry/so3_grid.h"
+#include "antipode/geometry/wigner.h"
+#include "antipode/nn/device.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/nn/precision.h"
+#include "antipode/prior/correlation.h"
+#include "antipode/training/batch_loader.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/interrupt.h"
+#include "antipode/util/seeds.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+namespace fs = std::filesystem;
+using torch::Tensor;
+using Clock = std::chrono::steady_clock;
+
+constexpr char kCheckpointName[] = "checkpoint.safetensors";
+constexpr char kLogName[] = "log.csv";
+constexpr char kBackboneModel[] = "efficientnet-lite0";
+
+double MinutesSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count() / 60;
+}
+
+Tensor ToTensor(const RowMajorMatrixXf& rows, torch::Device device) {
+  return torch::from_blob(const_cast<float*>(rows.data()), {rows.rows(), rows.cols()}, torch::kFloat)
+      .clone()
+      .to(device);
+}
+
+/// Large tensors come and go at every step: giving their pages back to the system each time costs a fifth
+/// of the time.
+void KeepFreedMemory() {
+#ifdef __GLIBC__
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+#endif
+}
+
+/// Supervision of a batch: unordered pairs of views of one object. (The score of the swapped pair at the
+/// inverse rotation is the same number.)
+struct Pairs {
+  std::vector<std::int64_t> query, reference;
+  std::vector<Eigen::Matrix3d> query_from_reference;
+};
+
+Pairs AllPairs(const ViewBatch& batch) {
+  Pairs pairs;
+  const auto views = batch.camera_from_object.size() / batch.groups;
+  for (std::size_t begin = 0; begin < batch.camera_from_object.size(); begin += views) {
+    for (std::size_t i = begin; i < begin + views; ++i) {
+      for (std::size_t j = i + 1; j < begin + views; ++j) {
+        pairs.query.push_back(static_cast<std::int64_t>(j));
+        pairs.reference.push_back(static_cast<std::int64_t>(i));
+        pairs.query_from_reference.push_back(batch.camera_from_object[j] * batch.camera_from_object[i].transpose());
+      }
+    }
+  }
+  return pairs;
+}
+
+class Trainer {
+ public:
+  Trainer(const PriorTrainingOptions& options, const ViewCache& cache, const ProgressCallback& progress)
+      : options_(options),
+        progress_(progress),
+        device_(SelectDevice(options.device)),
+        bfloat16_(device_.is_cuda() || ProcessorHasBFloat16()),
+        loader_(cache, options.objects_per_step, options.views_per_object, options.encoder.image_size,
+                options.augmentation, options.seed),
+        grid_(SuperFibonacciRotations(options.grid_size)) {
+    torch::manual_seed(options.seed);
+    encoder_ = ObjectEncoder(options.encoder);
+    encoder_->to(device_);
+  }
+
+  /// What every start has in common: the moving average and the optimiser of the present weights.
+  void Prepare() {
+    encoder_->backbone->FreezeFirstBlocks(options_.frozen_blocks);
+    std::vector<Tensor> backbone, head;
+    for (auto& item : encoder_->named_parameters()) {
+      average_[item.key()] = item.value().detach().clone();
+      if (!item.value().requires_grad()) continue;
+      (item.key().starts_with("backbone.") ? backbone : head).push_back(item.value());
+    }
+    const auto group = [&](std::vector<Tensor> parameters) {
+      return torch::optim::OptimizerParamGroup(
+          std::move(parameters), std::make_unique<torch::optim::AdamWOptions>(
+                                     torch::optim::AdamWOptions(options_.learning_rate)
+                                         .weight_decay(options_.weight_decay)
+                                         .betas({0.9, 0.99})));
+    };
+    optimizer_ = std::make_unique<torch::optim::AdamW>(
+        std::vector{group(std::move(backbone)), group(std::move(head))});
+  }
+
+  void LoadBackbone() {
+    LoadInto(*encoder_->backbone, LoadModel(kBackboneModel), kBackboneModel);
+    Prepare();
+  }
+
+  void LoadCheckpoint() {
+    const fs::path path = options_.out / kCheckpointName;
+    if (!fs::exists(path))
+      throw BadFile(path.string(), "there is no checkpoint to resume from", "leave out --resume to start anew");
+    const TensorFile file = SafetensorsReader(path).ReadAll();
+    if (file.metadata.at("encoder") != Describe())
+      throw BadFile(path.string(), "was made with other options", "resume with the options it was started with");
+    Prepare();
+    const torch::NoGradGuard no_gradient;
+    const auto restore = [&](Tensor target, const std::string& name) {
+      target.copy_(ToTorch(file.tensors.at(name)).view(target.sizes()));
+    };
+    for (auto& item : encoder_->named_parameters()) {
+      restore(item.value(), "weight/" + item.key());
+      restore(average_.at(item.key()), "average/" + item.key());
+      if (file.tensors.contains("adam1/" + item.key())) RestoreMoments(item.value(), item.key(), file);
+    }
+    for (auto& item : encoder_->named_buffers()) restore(item.value(), "weight/" + item.key());
+    step_ = std::stoll(file.metadata.at("step"));
+    minutes_before_ = std::stod(file.metadata.at("minutes"));
+    recent_loss_ = std::stod(file.metadata.at("loss"));
+  }
+
+  PriorTrainingResult Run() {
+    KeepFreedMemory();
+    start_ = Clock::now();
+    last_checkpoint_ = last_validation_ = start_;
+    OpenLog();
+    bool interrupted = false;
+    while (Fraction() < 1) {
+      Step();
+      if (progress_) Report();
+      interrupted = InterruptRequested();
+      if (interrupted) break;
+      if (MinutesSince(last_checkpoint_) > options_.minutes_between_checkpoints) SaveCheckpoint();
+      if (MinutesSince(last_validation_) > options_.minutes_between_validations) Validate();
+    }
+    SaveCheckpoint();
+    if (!interrupted) Validate();
+    return {step_, Minutes(), recent_loss_, interrupted, SaveAveragedModel()};
+  }
+
+ private:
+  double Minutes() const { return minutes_before_ + MinutesSince(start_); }
+
+  /// Share of the budget that is used up, 0..1.
+  double Fraction() const {
+    if (options_.iterations > 0) return std::min(1.0, static_cast<double>(step_) / options_.iterations);
+    return std::min(1.0, Minutes() / options_.minutes);
+  }
+
+  std::int64_t FrozenSteps() const { return std::int64_t(options_.frozen_batches) * options_.frozen_epochs; }
+  bool BackboneIsFrozen() const { return step_ < FrozenSteps(); }
+
+  std::string Describe() const {
+    std::string text;
+    for (const auto& [key, value] : options_.encoder.ToMetadata()) text += key + "=" + value + ";";
+    return text + "seed=" + std::to_string(options_.seed) + ";batch=" + std::to_string(options_.objects_per_step) +
+           "x" + std::to_string(options_.views_per_object);
+  }
+
+  double LearningRateFactor() const {
+    const double warm_up = std::min(1.0, (step_ + 1.0) / options_.warm_up_steps);
+    return warm_up * (0.01 + 0.99 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction())));
+  }
+
+  void SetLearningRates() {
+    const double factor = LearningRateFactor();
+    const double unfreezing = std::clamp((step_ - FrozenSteps()) / 200.0, 0.0, 1.0);
+    auto& groups = optimizer_->param_groups();
+    static_cast<torch::optim::AdamWOptions&>(groups[0].options()).lr(options_.backbone_learning_rate * factor * unfreezing);
+    static_cast<torch::optim::AdamWOptions&>(groups[1].options()).lr(options_.learning_rate * factor);
+  }
+
+  struct PreparedBatch {
+    Tensor images;
+    Pairs pairs;
+  };
+
+  PreparedBatch NextBatch(std::int64_t index) {
+    const ViewBatch batch = loader_.Get(index);
+    const auto rgba = batch.rgba.to(device_).to(torch::kFloat) / 255;
+    return {AugmentColors(rgba, batch.groups, options_.augmentation, CombineSeeds(options_.seed + 1, index)),
+            AllPairs(batch)};
+  }
+
+  /// Features of a first-stage batch, kept in half precision so that later epochs find them.
+  std::pair<FeaturePyramid, Pairs> FrozenFeatures(std::int64_t index) {
+    auto cached = frozen_.find(index);
+    if (cached == frozen_.end()) {
+      const PreparedBatch batch = NextBatch(index);
+      const torch::NoGradGuard no_gradient;
+      const FeaturePyramid features = encoder_->Features(batch.images);
+      const auto half = [](const Tensor& t) { return t.to(torch::kHalf); };
+      cached = frozen_.emplace(index, std::pair{FeaturePyramid{half(features.stride8), half(features.stride16), half(features.stride32)},
+                                                batch.pairs}).first;
+    }
+    const auto& [features, pairs] = cached->second;
+    const auto full = [](const Tensor& t) { return t.to(torch::kFloat); };
+    return {{full(features.stride8), full(features.stride16), full(features.stride32)}, pairs};
+  }
+
+  std::pair<Tensor, Pairs> Codes() {
+    const BFloat16Autocast autocast(device_.type(), bfloat16_);
+    if (BackboneIsFrozen()) {
+      const auto [features, pairs] = FrozenFeatures(step_ % options_.frozen_batches);
+      return {encoder_->CodeFromFeatures(features), pairs};
+    }
+    frozen_.clear();
+    const PreparedBatch batch = NextBatch(step_);
+    return {encoder_->forward(batch.images), batch.pairs};
+  }
+
+  Tensor Loss(const Tensor& codes, const Pairs& pairs) {
+    const int degree = options_.encoder.max_degree;
+    const auto pick = [&](const std::vector<std::int64_t>& rows) {
+      return codes.index_select(0, torch::tensor(rows, torch::kLong).to(device_));
+    };
+    // A grid turned anew at every step leaves no gaps for a sharp posterior to hide in.
+    std::mt19937_64 random(CombineSeeds(options_.seed + 2, static_cast<std::uint64_t>(step_)));
+    const Eigen::Matrix3d turn = RandomRotation(random);
+    std::vector<Eigen::Matrix3d> grid = grid_;
+    for (auto& rotation : grid) rotation = (turn * rotation).eval();
+    const auto correlations = CorrelateCodes(pick(pairs.query), pick(pairs.reference), degree);
+    const auto true_wigner = ToTensor(WignerMatrices(pairs.query_from_reference, degree), device_);
+    const auto grid_wigner = ToTensor(WignerMatrices(grid, degree), device_);
+    return NegativeLogDensity(correlations, true_wigner, grid_wigner).mean();
+  }
+
+  void Step() {
+    SetLearningRates();
+    optimizer_->zero_grad();
+    const auto [codes, pairs] = Codes();
+    const Tensor loss = Loss(codes, pairs);
+    const double value = loss.item<double>();
+    if (!std::isfinite(value))
+      throw Error("training", "the loss is not finite at step " + std::to_string(step_),
+                  "resume from the last checkpoint with a lower --learning-rate");
+    loss.backward();
+    torch::nn::utils::clip_grad_norm_(encoder_->parameters(), options_.gradient_clip);
+    optimizer_->step();
+    UpdateAverage();
+    ++step_;
+    recent_loss_ = recent_loss_ == 0 ? value : 0.98 * recent_loss_ + 0.02 * value;
+    if (step_ % 20 == 0) WriteLog("");
+  }
+
+  void UpdateAverage() {
+    const torch::NoGradGuard no_gradient;
+    const double decay = std::min(options_.average_decay, (1.0 + step_) / (10.0 + step_));
+    for (auto& item : encoder_->named_parameters())
+      if (item.value().requires_grad()) average_.at(item.key()).lerp_(item.value(), 1 - decay);
+  }
+
+  torch::optim::AdamWParamState* MomentsOf(const Tensor& parameter) {
+    const auto found = optimizer_->state().find(parameter.unsafeGetTensorImpl());
+    if (found == optimizer_->state().end()) return nullptr;
+    return static_cast<torch::optim::AdamWParamState*>(found->second.get());
+  }
+
+  void RestoreMoments(const Tensor& parameter, const std::string& name, const TensorFile& file) {
+    auto state = std::make_unique<torch::optim::AdamWParamState>();
+    state->step(std::stoll(file.metadata.at("adam_step/" + name)));
+    state->exp_avg(ToTorch(file.tensors.at("adam1/" + name)).view(parameter.sizes()).to(device_));
+    state->exp_avg_sq(ToTorch(file.tensors.at("adam2/" + name)).view(parameter.sizes()).to(device_));
+    optimizer_->state()[parameter.unsafeGetTensorImpl()] = std::move(state);
+  }
+
+  void SaveCheckpoint() {
+    TensorFile file;
+    file.metadata = {{"encoder", Describe()}, {"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())},
+                     {"loss", std::to_string(recent_loss_)}};
+    for (auto& item : encoder_->named_parameters()) {
+      file.tensors["weight/" + item.key()] = FromTorch(item.value());
+      file.tensors["average/" + item.key()] = FromTorch(average_.at(item.key()));
+      if (auto* moments = MomentsOf(item.value())) {
+        file.tensors["adam1/" + item.key()] = FromTorch(moments->exp_avg());
+        file.tensors["adam2/" + item.key()] = FromTorch(moments->exp_avg_sq());
+        file.metadata["adam_step/" + item.key()] = std::to_string(moments->step());
+      }
+    }
+    for (auto& item : encoder_->named_buffers()) file.tensors["weight/" + item.key()] = FromTorch(item.value());
+    WriteSafetensors(options_.out / kCheckpointName, file);
+    last_checkpoint_ = Clock::now();
+  }
+
+  ObjectEncoder AveragedEncoder() {
+    ObjectEncoder averaged(options_.encoder);
+    const torch::NoGradGuard no_gradient;
+    for (auto& item : averaged->named_parameters()) item.value().copy_(average_.at(item.key()));
+    auto buffers = averaged->named_buffers();
+    for (auto& item : encoder_->named_buffers()) buffers[item.key()].copy_(item.value());
+    return averaged;
+  }
+
+  void Validate() {
+    if (!options_.validation_objects.empty()) {
+      if (progress_) progress_({"validating", step_, 0, {}});
+      const ObjectPrior prior(AveragedEncoder(), device_);
+      auto pairs = ScorePairs(prior, options_.validation_objects, 0);
+      auto rolled = ScorePairs(prior, options_.validation_objects, 45);
+      const RotationAccuracy level = MeasureAccuracy(prior, pairs), tilted = MeasureAccuracy(prior, rolled);
+      char text[96];
+      std::snprintf(text, sizeof text, "%.2f,%.2f,%.2f,%.2f", level.within_15, level.within_30, tilted.within_15, tilted.within_30);
+      WriteLog(text);
+      validation_ = text;
+      std::move(rolled.begin(), rolled.end(), std::back_inserter(pairs));
+      calibration_ = FitCalibration(prior.posterior(), pairs);
+    }
+    SaveAveragedModel();
+    last_validation_ = Clock::now();
+  }
+
+  fs::path SaveAveragedModel() {
+    ObjectEncoder averaged = AveragedEncoder();
+    averaged->backbone->AbsorbNormalization();
+    TensorFile file = WeightsOf(*averaged);
+    for (auto& [name, tensor] : file.tensors) tensor = ConvertTo(tensor, Dtype::kF16);
+    file.metadata = options_.encoder.ToMetadata();
+    file.metadata.merge(calibration_.ToMetadata());
+    file.metadata["training"] = Summary();
+    SaveModel(options_.out, "prior", file, "Equivariant object prior: one image to a code on the sphere",
+              "Apache-2.0", Card());
+    return options_.out / "prior";
+  }
+
+  std::string Summary() const {
+    char text[160];
+    std::snprintf(text, sizeof text, "%lld steps, %.1f minutes, seed %llu, loss %.4f", static_cast<long long>(step_), Minutes(),
+                  static_cast<unsigned long long>(options_.seed), recent_loss_);
+    return text;
+  }
+
+  std::string Card() const {
+    return "# prior\n\nTrained by `antipode train prior`: " + Summary() +
+           ".\n\nAccuracy in percent on the validation objects within 15 and 30 degrees, level and rolled: " +
+           (validation_.empty() ? "not measured" : validation_) + ".\n";
+  }
+
+  void OpenLog() {
+    const bool fresh = step_ == 0;
+    log_.open(options_.out / kLogName, fresh ? std::ios::trunc : std::ios::app);
+    if (!log_) throw BadFile((options_.out / kLogName).string(), "cannot be written", "choose another --out folder");
+    if (fresh)
+      log_ << "step,minutes,loss,learning_rate,val_acc15,val_acc30,val_rolled_acc15,val_rolled_acc30\n";
+  }
+
+  void WriteLog(const std::string& validation) {
+    log_ << step_ << ',' << Minutes() << ',' << recent_loss_ << ',' << options_.learning_rate * LearningRateFactor() << ','
+         << (validation.empty() ? ",,," : validation) << std::endl;
+  }
+
+  void Report() {
+    char detail[160];
+    std::snprintf(detail, sizeof detail, "loss %.3f  val %s", recent_loss_, validation_.empty() ? "-" : validation_.c_str());
+    progress_({BackboneIsFrozen() ? "training the head" : "training", static_cast<std::int64_t>(Fraction() * 1000), 1000, detail});
+  }
+
+  const PriorTrainingOptions& options_;
+  const ProgressCallback& progress_;
+  torch::Device device_;
+  bool bfloat16_;
+  BatchLoader loader_;
+  std::vector<Eigen::Matrix3d> grid_;
+  ObjectEncoder encoder_{nullptr};
+  std::unique_ptr<torch::optim::AdamW> optimizer_;
+  std::map<std::string, Tensor> average_;
+  std::map<std::int64_t, std::pair<FeaturePyramid, Pairs>> frozen_;
+  std::int64_t step_ = 0;
+  double minutes_before_ = 0, recent_loss_ = 0;
+  std::string validation_;
+  PriorCalibration calibration_;
+  Clock::time_point start_, last_checkpoint_, last_validation_;
+  std::ofstream log_;
+};
+
+}  // namespace
+
+void PriorTrainingOptions::Check() const {
+  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
+  if (iterations < 0) throw InvalidOption("iterations", "must not be negative");
+  if (objects_per_step < 1) throw InvalidOption("objects_per_step", "must be at least 1");
+  if (views_per_object < 2) throw InvalidOption("views_per_object", "leaves no pair", "use at least 2");
+  if (!(learning_rate > 0) || !(backbone_learning_rate >= 0)) throw InvalidOption("learning_rate", "must be positive");
+  if (frozen_blocks < 0 || frozen_blocks > 16) throw InvalidOption("frozen_blocks", "must be 0 to 16");
+  if (frozen_batches < 1 || frozen_epochs < 0) throw InvalidOption("frozen_batches", "must be at least 1");
+  encoder.Check();
+  views.Check();
+}
+
+PriorTrainingResult TrainPrior(const PriorTrainingOptions& options, StartFrom start,
+                               const ProgressCallback& progress) {
+  options.Check();
+  const int processors = static_cast<int>(std::thread::hardware_concurrency());
+  const int threads = options.threads > 0 ? options.threads : processors;
+  torch::set_num_threads(threads);
+  ViewCacheOptions views = options.views;
+  views.threads = threads;
+  fs::create_directories(options.out);
+  const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
+  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), views, progress);
+  Trainer trainer(options, cache, progress);
+  switch (start) {
+    case StartFrom::kScratch: trainer.Prepare(); break;
+    case StartFrom::kBackbone: trainer.LoadBackbone(); break;
+    case StartFrom::kCheckpoint: trainer.LoadCheckpoint(); break;
+  }
+  return trainer.Run();
+}
+
+}  // namespace antipode

@@ -1,0 +1,196 @@
+#include "antipode/training/prior_trainer.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "antipode/geometry/rotation.h"
+#include "antipode/prior/object_prior.h"
+#include "antipode/training/batch_loader.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/temporary_folder.h"
+#include "antipode/weights/safetensors.h"
+
+namespace antipode {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A binary glTF file with one tetrahedron, so that every view tells where the camera is.
+std::string TetrahedronGlb(float height) {
+  const std::vector<float> positions{0, height, 0, -0.6f, -0.4f, 0.5f, 0.7f, -0.4f, 0.3f, 0, -0.3f, -0.7f};
+  const std::vector<float> colors{1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 0};
+  const std::vector<std::uint32_t> indices{0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2};
+  std::string buffer;
+  const auto append = [&](const auto& values) {
+    buffer.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0]));
+  };
+  append(positions);
+  append(colors);
+  append(indices);
+  const nlohmann::json view = {{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 48}};
+  nlohmann::json color_view = view, index_view = view;
+  color_view["byteOffset"] = 48;
+  index_view["byteOffset"] = 96;
+  const nlohmann::json description = {
+      {"asset", {{"version", "2.0"}}},
+      {"scene", 0},
+      {"scenes", {{{"nodes", {0}}}}},
+      {"nodes", {{{"mesh", 0}}}},
+      {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}, {"COLOR_0", 1}}}, {"indices", 2}}}}}}},
+      {"buffers", {{{"byteLength", buffer.size()}}}},
+      {"bufferViews", {view, color_view, index_view}},
+      {"accessors",
+       {{{"bufferView", 0}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"},
+         {"min", {-0.6, -0.4, -0.7}}, {"max", {0.7, height, 0.5}}},
+        {{"bufferView", 1}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"}},
+        {{"bufferView", 2}, {"componentType", 5125}, {"count", 12}, {"type", "SCALAR"}}}}};
+  std::string json = description.dump();
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  std::string file = "glTF";
+  const auto word = [&](std::uint32_t value) { file.append(reinterpret_cast<const char*>(&value), 4); };
+  word(2);
+  word(static_cast<std::uint32_t>(12 + 8 + json.size() + 8 + buffer.size()));
+  word(static_cast<std::uint32_t>(json.size()));
+  file += "JSON" + json;
+  word(static_cast<std::uint32_t>(buffer.size()));
+  file += std::string("BIN\0", 4) + buffer;
+  return file;
+}
+
+class PriorTrainerTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directory(folder_.path() / "objects");
+    for (int i = 0; i < 3; ++i)
+      folder_.Write("objects/object" + std::to_string(i) + ".glb", TetrahedronGlb(0.5f + 0.2f * i));
+  }
+
+  PriorTrainingOptions Options(const std::string& out) const {
+    PriorTrainingOptions options;
+    options.objects = folder_.path() / "objects";
+    options.out = folder_.path() / out;
+    options.cache = folder_.path() / "cache";
+    options.iterations = 4;
+    options.device = "cpu";
+    options.threads = 1;
+    options.objects_per_step = 2;
+    options.views_per_object = 3;
+    options.frozen_batches = 2;
+    options.frozen_epochs = 1;
+    options.grid_size = 128;
+    options.views.views_per_object = 4;
+    options.views.variants = 1;
+    options.views.image_size = 64;
+    options.encoder.image_size = 32;
+    options.encoder.max_degree = 3;
+    options.encoder.channels = 4;
+    options.encoder.width = 16;
+    options.encoder.layers = 1;
+    options.encoder.heads = 2;
+    options.encoder.feed_forward = 16;
+    options.encoder.spatial_bases = 2;
+    return options;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(PriorTrainerTest, AResumedRunGivesTheSameWeights) {
+  const auto whole = TrainPrior(Options("whole"), StartFrom::kScratch, {});
+  EXPECT_EQ(whole.steps, 4);
+
+  // Stop in the second stage by a callback that throws after the first checkpoint.
+  PriorTrainingOptions parts = Options("parts");
+  parts.minutes_between_checkpoints = 0;
+  int steps = 0;
+  const auto stop = [&](const Progress& progress) {
+    if (progress.stage.starts_with("training") && ++steps == 4) throw Interrupted("test", "stops");
+  };
+  EXPECT_THROW(TrainPrior(parts, StartFrom::kScratch, stop), Interrupted);
+  EXPECT_EQ(SafetensorsReader(parts.out / "checkpoint.safetensors").metadata().at("step"), "3");
+  const auto resumed = TrainPrior(parts, StartFrom::kCheckpoint, {});
+  EXPECT_EQ(resumed.steps, 4);
+
+  const TensorFile a = SafetensorsReader(whole.model / "model.safetensors").ReadAll();
+  const TensorFile b = SafetensorsReader(resumed.model / "model.safetensors").ReadAll();
+  ASSERT_EQ(a.tensors.size(), b.tensors.size());
+  for (const auto& [name, tensor] : a.tensors) EXPECT_EQ(tensor.data, b.tensors.at(name).data) << name;
+}
+
+TEST_F(PriorTrainerTest, WritesAModelThatLoadsAndALog) {
+  PriorTrainingOptions options = Options("out");
+  options.validation_objects = options.objects;
+  const auto result = TrainPrior(options, StartFrom::kScratch, {});
+  const ObjectPrior prior = ObjectPrior::Load(result.model.string());
+  EXPECT_EQ(prior.ViewOptions().size, 32);
+  EXPECT_GT(prior.calibration().temperature, 0);
+  const std::string log = ReadFile(options.out / "log.csv");
+  EXPECT_EQ(log.find("step,minutes,loss"), 0u);
+  EXPECT_NE(log.find("\n4,"), std::string::npos);
+}
+
+TEST_F(PriorTrainerTest, RefusesToResumeWhatIsNotThereOrDiffers) {
+  EXPECT_THROW(TrainPrior(Options("none"), StartFrom::kCheckpoint, {}), BadFile);
+  TrainPrior(Options("out"), StartFrom::kScratch, {});
+  PriorTrainingOptions other = Options("out");
+  other.seed = 9;
+  EXPECT_THROW(TrainPrior(other, StartFrom::kCheckpoint, {}), BadFile);
+}
+
+TEST_F(PriorTrainerTest, TheCacheIsRenderedOnceAndAgainWhenOptionsChange) {
+  PriorTrainingOptions options = Options("out");
+  const auto meshes = FilesWithExtension(options.objects, ".glb");
+  const auto open = [&] { return ViewCache::OpenOrRender(options.cache, meshes, options.views, {}); };
+  open();
+  const auto first = fs::last_write_time(options.cache / "views.raw");
+  open();
+  EXPECT_EQ(fs::last_write_time(options.cache / "views.raw"), first);
+  options.views.seed = 77;
+  open();
+  EXPECT_NE(fs::last_write_time(options.cache / "views.raw"), first);
+}
+
+TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
+  // Without jitter, an augmented view must be what the renderer sees from the returned rotation: rolling
+  // back the augmented image gives the cached one again.
+  PriorTrainingOptions options = Options("out");
+  options.views.image_size = 160;
+  const ViewCache cache = ViewCache::OpenOrRender(options.cache, FilesWithExtension(options.objects, ".glb"), options.views, {});
+  AugmentationOptions none;
+  none.crop_shift = none.crop_scale = none.mask_error_share = none.blur_share = 0;
+  std::mt19937_64 random(1);
+  const double roll = 30;
+  const AugmentedView view = AugmentView(cache, 1, 2, roll, false, 128, none, random);
+  const Eigen::Matrix3d difference = view.camera_from_object * cache.CameraFromObject(1, 2).transpose();
+  // What is left after taking back the roll is the small look-at correction of the crop.
+  EXPECT_LT(RotationAngleDeg(difference * RotationAboutZ(RadiansFromDegrees(-roll))), 8);
+  EXPECT_GT(RotationAngleDeg(difference), 20);
+
+  const AugmentedView mirrored = AugmentView(cache, 1, 2, roll, true, 128, none, random);
+  const Eigen::Vector3d flip(-1, 1, 1);
+  EXPECT_LT(AngleBetweenDeg(mirrored.camera_from_object, flip.asDiagonal() * view.camera_from_object * flip.asDiagonal()), 1e-6);
+}
+
+TEST_F(PriorTrainerTest, BatchesDependOnSeedAndIndexOnly) {
+  PriorTrainingOptions options = Options("out");
+  const ViewCache cache = ViewCache::OpenOrRender(options.cache, FilesWithExtension(options.objects, ".glb"), options.views, {});
+  BatchLoader a(cache, 2, 3, 32, {}, 5), b(cache, 2, 3, 32, {}, 5), c(cache, 2, 3, 32, {}, 6);
+  a.Get(0);
+  a.Get(1);
+  EXPECT_TRUE(torch::equal(a.Get(2).rgba, b.Get(2).rgba));
+  EXPECT_FALSE(torch::equal(b.Get(3).rgba, c.Get(3).rgba));
+}
+
+TEST(AugmentColors, KeepsTheBackgroundWhiteAndTheShape) {
+  auto rgba = torch::rand({4, 4, 8, 8});
+  rgba.slice(1, 3, 4).zero_();
+  const auto white = AugmentColors(rgba, 2, {}, 3);
+  EXPECT_EQ(white.sizes(), (std::vector<std::int64_t>{4, 3, 8, 8}));
+  EXPECT_LT((white - 1).abs().max().item<double>(), 1e-6);
+  rgba.slice(1, 3, 4).fill_(1);
+  EXPECT_GT((AugmentColors(rgba, 2, {}, 3) - AugmentColors(rgba, 2, {}, 4)).abs().max().item<double>(), 0.05);
+}
+
+}  // namespace
+}  // namespace antipode
