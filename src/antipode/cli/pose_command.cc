@@ -1,0 +1,106 @@
+#include <future>
+#include <iostream>
+
+#include "antipode/cli/command.h"
+#include "antipode/cli/common_options.h"
+#include "antipode/cli/photograph_input.h"
+#include "antipode/cli/pose_result.h"
+#include "antipode/cli/process_clock.h"
+#include "antipode/image/load.h"
+#include "antipode/nn/device.h"
+#include "antipode/pose/two_view_pose.h"
+#include "antipode/report/pose_picture.h"
+#include "antipode/util/error.h"
+#include "antipode/util/interrupt.h"
+#include "antipode/util/quote.h"
+
+namespace antipode {
+namespace {
+
+class PoseCommand : public Command {
+ public:
+  std::string Name() const override { return "pose"; }
+  std::string Summary() const override { return "Relative camera pose of two photographs of one object"; }
+  std::string Example() const override {
+    return "  antipode pose front.jpg back.jpg --reference-mask front_mask.png --query-mask back_mask.png "
+           "--visualize pose.png\n"
+           "Without masks: pictures with an alpha channel or a uniform background, or a box around the object:\n"
+           "  antipode pose front.jpg back.jpg --reference-box 210,80,400,380 --query-box 190,75,420,390 --json -";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    reference_.Declare(app, "reference");
+    query_.Declare(app, "query");
+    app.add_option("--method", method_, "prior: the built-in equivariant object prior")->capture_default_str()->type_name("NAME");
+    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder")
+        ->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--hypotheses", options_.hypotheses, "How many poses to list at most, 1 to 50")
+        ->capture_default_str()->type_name("N");
+    app.add_option("--object-size", object_size_,
+                   "Diameter of the object in metres; translations are then in metres instead of object radii")
+        ->type_name("METRES");
+    app.add_option("--visualize", picture_, "Draw the result into a PNG or JPEG picture")->type_name("FILE");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    Check();
+    const PoseResult result = Estimate();
+    ThrowIfInterrupted();
+    if (picture_) {
+      SaveImage(*picture_, DrawPosePicture(result.pose, result.reference.photograph, result.query.photograph));
+    }
+    common_.WriteJson(ToJson(result));
+    if (common_.PrintsText()) Print(result);
+  }
+
+ private:
+  void Check() const {
+    options_.Check();
+    if (method_ != "prior") throw InvalidOption("--method", Quoted(method_) + " is unknown", "use prior");
+    if (object_size_ && !(*object_size_ > 0 && std::isfinite(*object_size_)))
+      throw InvalidOption("--object-size", "is not a positive number", "give the object's diameter in metres");
+  }
+
+  PoseResult Estimate() const {
+    const torch::Device device = SelectDevice(common_.device);
+    auto prior_loading = std::async(std::launch::async, [&] { return ObjectPrior::Load(model_, device); });
+    auto query_loading = std::async(std::launch::async, [&] { return LoadPhotograph(query_, "query"); });
+    PoseResult result;
+    result.method = method_;
+    result.model = model_;
+    result.object_size = object_size_;
+    result.reference = LoadPhotograph(reference_, "reference");
+    result.query = query_loading.get();
+    const ObjectPrior prior = prior_loading.get();
+    ThrowIfInterrupted();
+    result.load_seconds = SecondsSinceProcessStart();
+    result.pose = EstimatePose(prior, result.reference.photograph, result.query.photograph, options_);
+    result.total_seconds = SecondsSinceProcessStart();
+    return result;
+  }
+
+  void Print(const PoseResult& result) const {
+    std::cout << ToText(result);
+    if (picture_) {
+      std::cout << "\nPicture: " << *picture_ << "\n";
+    } else {
+      std::cout << "\nNext: add --visualize pose.png to see the pose, or --json pose.json to use it.\n";
+    }
+  }
+
+  PhotographRequest reference_, query_;
+  std::string method_ = "prior";
+  std::string model_ = "prior";
+  TwoViewPoseOptions options_;
+  std::optional<double> object_size_;
+  std::optional<std::string> picture_;
+  CommonOptions common_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakePoseCommand() { return std::make_unique<PoseCommand>(); }
+
+}  // namespace antipode

