@@ -1,36 +1,55 @@
 #!/usr/bin/env bash
-# Estimates the relative pose of two photographs in demo/, draws it, and compares it with the known pose.
-# usage: scripts/demo.sh [REFERENCE QUERY], names of pictures in demo/ without ending
+# Estimates the relative pose of two photographs in demo/, compares it with the true one and draws a picture.
+#
+# usage: scripts/demo.sh [OBJECT REFERENCE QUERY]
+#   scripts/demo.sh skull 18 43         views 123 degrees apart (default)
+#   scripts/demo.sh skull 18 33         61 degrees
+#   scripts/demo.sh buddha 00046 00018  42 degrees
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-readonly REFERENCE=${1:-00049} QUERY=${2:-00047}
+object=${1:-skull}
+reference=${2:-18}
+query=${3:-43}
+program=${ANTIPODE:-build/release/bin/antipode}
+mkdir -p build
 
-# fx,fy,cx,cy with pixel centres at integer + 0.5; cameras.json puts them at integers.
-camera() {
-  python3 - "$1" <<'PYTHON'
+# fx,fy,cx,cy of an image; cameras.json counts pixel centres as integers, the program their edges.
+camera_of() {
+  python3 - "demo/$object/cameras.json" "$1" <<'PYTHON'
 import json, sys
-image = next(i for i in json.load(open("demo/cameras.json"))["images"] if i["file"] == sys.argv[1] + ".jpg")
-(fx, _, cx), (_, fy, cy), _ = image["K"]
-print(f"{fx},{fy},{cx + 0.5},{cy + 0.5}")
+images = json.load(open(sys.argv[1]))["images"]
+K = next(image["K"] for image in images if image["file"] == f"images/{sys.argv[2]}.jpg")
+print(f"{K[0][0]},{K[1][1]},{K[0][2] + 0.5},{K[1][2] + 0.5}")
 PYTHON
 }
 
-build/release/bin/antipode pose "demo/$REFERENCE.jpg" "demo/$QUERY.jpg" \
-  --reference-mask "demo/${REFERENCE}_mask.png" --query-mask "demo/${QUERY}_mask.png" \
-  --reference-camera "$(camera "$REFERENCE")" --query-camera "$(camera "$QUERY")" \
+"$program" pose "demo/$object/images/$reference.jpg" "demo/$object/images/$query.jpg" \
+  --reference-mask "demo/$object/masks/$reference.png" --query-mask "demo/$object/masks/$query.png" \
+  --reference-camera "$(camera_of "$reference")" --query-camera "$(camera_of "$query")" \
   --visualize build/demo.png --json build/demo.json
 
-python3 - "$REFERENCE" "$QUERY" <<'PYTHON'
+python3 - "demo/$object/cameras.json" "$reference" "$query" <<'PYTHON'
 import json, math, sys
-rotations = {i["file"][:-4]: i["R"] for i in json.load(open("demo/cameras.json"))["images"]}
-reference, query = rotations[sys.argv[1]], rotations[sys.argv[2]]
-estimate = json.load(open("build/demo.json"))["query_from_reference"]["rotation"]
-# trace(R_estimate^T R_query R_reference^T) = 1 + 2 cos(error)
-truth = [[sum(query[i][k] * reference[j][k] for k in range(3)) for j in range(3)] for i in range(3)]
-trace = sum(estimate[i][j] * truth[i][j] for i in range(3) for j in range(3))
-error = math.degrees(math.acos(max(-1.0, min(1.0, (trace - 1) / 2))))
-turn = math.degrees(math.acos(max(-1.0, min(1.0, (sum(truth[i][i] for i in range(3)) - 1) / 2))))
-print(f"Known pose: the camera turned by {turn:.0f} degrees; the estimate is {error:.1f} degrees off.")
-print("Look at build/demo.png")
+
+path, reference, query = sys.argv[1:]
+images = {image["file"]: image for image in json.load(open(path))["images"]}
+a, b = images[f"images/{reference}.jpg"], images[f"images/{query}.jpg"]
+estimate = json.load(open("build/demo.json"))["query_from_reference"]
+
+
+def times(m, v):
+    return [sum(m[i][k] * v[k] for k in range(3)) for i in range(3)]
+
+
+def degrees_between(u, v):
+    return math.degrees(math.acos(max(-1, min(1, sum(p * q for p, q in zip(u, v)) / math.hypot(*u) / math.hypot(*v)))))
+
+
+# query_from_reference = query_from_world * reference_from_world^-1
+rotation = [[sum(b["R"][i][k] * a["R"][j][k] for k in range(3)) for j in range(3)] for i in range(3)]
+translation = [p - q for p, q in zip(b["t"], times(rotation, a["t"]))]
+trace = sum(rotation[i][j] * estimate["rotation"][i][j] for i in range(3) for j in range(3))
+print(f"True pose: rotation error {math.degrees(math.acos(max(-1, min(1, (trace - 1) / 2)))):.1f} degrees, "
+      f"translation direction error {degrees_between(translation, estimate['translation']):.1f} degrees")
 PYTHON

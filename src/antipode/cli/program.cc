@@ -131,7 +131,8 @@ std::vector<std::string> CheckedArguments(CLI::App& root, const std::vector<std:
 std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
 
 int Fail(const std::string& message, ExitCode code) {
-  std::cerr << "antipode: " << FirstLine(message) << std::endl;
+  const std::string prefix = "antipode: ";
+  std::cerr << (message.starts_with(prefix) ? "" : prefix) << FirstLine(message) << std::endl;
   return code;
 }
 

@@ -13,7 +13,7 @@ const Grade& GradeOf(double confidence) {
   static const Grade kGrades[] = {{0.85, "very likely right", {44, 160, 44}},
                                   {0.6, "probably right", {150, 175, 30}},
                                   {0.35, "uncertain", {240, 150, 20}},
-                                  {0, "hardly better than a guess", {214, 39, 40}}};
+                                  {0, "probably wrong", {214, 39, 40}}};
   for (const Grade& grade : kGrades)
     if (confidence >= grade.least_confidence) return grade;
   return kGrades[3];

@@ -84,7 +84,8 @@ class FramePainter {
     const cv::Point2d from = Pixel(Eigen::Vector3d::Zero()), to = Pixel(tip);
     const double dot_radius = 2.4 * line_width_;
     if (cv::norm(to - from) < 3 * dot_radius) return DrawTipFromAbove(to, tip, colour);
-    DrawArrow(canvas_, from, to, "", {.colour = kWhite, .thickness = line_width_ + 3});
+    const cv::Point2d before_head = to - (to - from) * std::min(1.0, 3.5 * line_width_ / cv::norm(to - from));
+    DrawLine(canvas_, from, before_head, {.colour = kWhite, .thickness = line_width_ + 3});
     DrawArrow(canvas_, from, to, "", {.colour = colour, .thickness = line_width_});
     if (!label.empty()) DrawLabel(label, to + (to - from) * (20 / cv::norm(to - from)), colour);
   }
@@ -240,7 +241,7 @@ class CameraGlobe {
   };
 
   void DrawName(cv::Mat& canvas, const Eigen::Vector3d& direction, const Name& name) const {
-    const TextStyle style{.colour = name.colour, .height = 12};
+    const TextStyle style{.colour = name.colour, .height = 11};
     const cv::Size2d size = MeasureText(name.text, style);
     const cv::Point2d pixel = Pixel(Seen(direction));
     const double x = name.is_left ? pixel.x - 14 - size.width : pixel.x + 14;
@@ -294,12 +295,12 @@ void DrawGlobePanel(cv::Mat& canvas, const TwoViewPose& pose) {
       std::atan2(reference.cross(query).norm(), reference.dot(query)));
   DrawTitle(canvas, "cameras around the object", left, kPadding, kInk);
   CameraGlobe(drawn_from_reference * reference, drawn_from_reference * query)
-      .Draw(canvas, {left + 0.5 * kGlobeWidth, kPhotoTop + 152.0}, 140);
-  DrawCentred(canvas, Formatted("%.0f degrees apart", between), {left + 0.5 * kGlobeWidth, kPhotoTop + 318.0},
+      .Draw(canvas, {left + 0.5 * kGlobeWidth, kPhotoTop + 150.0}, 112);
+  DrawCentred(canvas, Formatted("%.0f degrees apart", between), {left + 0.5 * kGlobeWidth, kPhotoTop + 300.0},
               {.colour = kInk, .height = 14});
   DrawCentred(canvas,
               Formatted("camera turned by %.0f degrees", RotationAngleDeg(pose.query_from_reference.rotation)),
-              {left + 0.5 * kGlobeWidth, kPhotoTop + 344.0}, {.colour = kFaint, .height = 12});
+              {left + 0.5 * kGlobeWidth, kPhotoTop + 328.0}, {.colour = kFaint, .height = 12});
   DrawConfidence(canvas, pose.confidence, left, kPhotoTop + kPhotoSide - 80);
 }
 

@@ -94,7 +94,7 @@ TEST(ConfidenceWords, GradesAreOrdered) {
   EXPECT_EQ(ConfidenceWords(0.85), "very likely right");
   EXPECT_EQ(ConfidenceWords(0.849), "probably right");
   EXPECT_EQ(ConfidenceWords(0.35), "uncertain");
-  EXPECT_EQ(ConfidenceWords(0), "hardly better than a guess");
+  EXPECT_EQ(ConfidenceWords(0), "probably wrong");
   EXPECT_NE(ConfidenceColour(0.9), ConfidenceColour(0.5));
 }
 
