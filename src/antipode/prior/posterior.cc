@@ -114,8 +114,10 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
 
   // Peaks are sought among more grid maxima than asked for: the one with the most mass comes first.
   const double separation_trace = TraceAtAngle(options.separation_deg);
+  const double foothill_trace = TraceAtAngle(options.separation_deg / 2);
   const std::size_t wanted = 2 * static_cast<std::size_t>(options.max_modes) + 2;
   std::vector<RotationMode> modes;
+  std::vector<const Eigen::Matrix3d*> climbed;
   for (std::size_t i = 0; i < candidates && modes.size() < wanted; ++i) {
     const Eigen::Matrix3d& start = grid_[order[i]];
     const auto near = [&](const Eigen::Matrix3d& rotation) {
@@ -123,7 +125,12 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
         return TraceOfDifference(mode.rotation, rotation) > separation_trace;
       });
     };
-    if (near(start)) continue;
+    // The foothills of a peak lead to the same peak: one climb for each is enough.
+    const bool is_foothill = std::ranges::any_of(climbed, [&](const Eigen::Matrix3d* other) {
+      return TraceOfDifference(*other, start) > foothill_trace;
+    });
+    if (is_foothill || near(start)) continue;
+    climbed.push_back(&start);
     const Eigen::Matrix3d peak = Maximize(correlation, start);
     if (near(peak)) continue;
     modes.push_back({peak, 0, Score(correlation, peak) / options.temperature});
