@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "antipode/geometry/rotation.h"
 #include "antipode/geometry/so3_grid.h"
 #include "antipode/geometry/spherical_harmonics.h"
 
@@ -12,13 +13,6 @@ namespace antipode {
 namespace {
 
 constexpr int kMaxDegree = 10;
-
-Eigen::Matrix3d RandomRotation(std::mt19937_64& random) {
-  std::normal_distribution<double> normal;
-  return Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
-      .normalized()
-      .toRotationMatrix();
-}
 
 Eigen::Vector3d RandomDirection(std::mt19937_64& random) {
   std::normal_distribution<double> normal;

@@ -13,8 +13,6 @@
 namespace antipode {
 namespace {
 
-using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
 constexpr int kMaxNewtonSteps = 12;
 constexpr double kConvergedStep = 1e-7;  // radians
 constexpr double kLongestStep = 0.15;    // radians, inside one lobe of a band-limited score
