@@ -13,6 +13,7 @@
 #include "antipode/image/mask.h"
 #include "antipode/object/object_view.h"
 #include "antipode/render/renderer.h"
+#include "antipode/training/mesh_variants.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/seeds.h"
@@ -30,7 +31,7 @@ fs::path CameraFile(const fs::path& folder) { return folder / "cameras.safetenso
 fs::path PixelFile(const fs::path& folder) { return folder / "views.raw"; }
 
 nlohmann::json Describe(const std::vector<fs::path>& meshes, const ViewCacheOptions& options) {
-  nlohmann::json description{{"format", 1},
+  nlohmann::json description{{"format", 2},
                              {"views_per_object", options.views_per_object},
                              {"variants", options.variants},
                              {"stretch", options.stretch},
@@ -85,19 +86,27 @@ CachedView RenderView(const Renderer& renderer, std::mt19937_64& random, const V
   return view;
 }
 
-Eigen::Vector3f RandomStretch(std::mt19937_64& random, double greatest) {
-  const double half = std::log(greatest) / 2;
-  return Eigen::Vector3d(std::exp(UniformIn(random, -half, half)), std::exp(UniformIn(random, -half, half)),
-                         std::exp(UniformIn(random, -half, half))).cast<float>();
+/// Kinds of variants, in turn; the first is the object itself.
+Mesh MakeVariant(int variant, const Mesh& mesh, const fs::path& other, const ViewCacheOptions& options,
+                 std::mt19937_64& random) {
+  if (variant == 0) return mesh;
+  const Mesh stretched = RandomlyStretched(mesh, options.stretch, random);
+  switch ((variant - 1) % 3) {
+    case 0: return stretched;
+    case 1: return RandomlyRetextured(stretched, LoadMesh(other), random);
+    default: return RandomlyJoined(stretched, LoadMesh(other), random);
+  }
 }
 
 /// All views of one object in the order of the cache: variants outside, views inside.
-std::vector<CachedView> RenderObject(const fs::path& file, const ViewCacheOptions& options) {
-  const Mesh mesh = LoadMesh(file);
-  std::mt19937_64 random(CombineSeeds(options.seed, HashOfName(file.filename().string())));
+std::vector<CachedView> RenderObject(const std::vector<fs::path>& meshes, std::size_t object,
+                                     const ViewCacheOptions& options) {
+  const Mesh mesh = LoadMesh(meshes[object]);
+  std::mt19937_64 random(CombineSeeds(options.seed, HashOfName(meshes[object].filename().string())));
   std::vector<CachedView> views;
   for (int variant = 0; variant < options.variants; ++variant) {
-    const Renderer renderer(variant == 0 ? mesh : Scaled(mesh, RandomStretch(random, options.stretch)));
+    const fs::path& other = meshes[UniformIndex(random, meshes.size())];
+    const Renderer renderer(MakeVariant(variant, mesh, other, options, random));
     for (int i = 0; i < options.views_per_object; ++i) views.push_back(RenderView(renderer, random, options));
   }
   return views;
@@ -161,7 +170,7 @@ void RenderCache(const fs::path& folder, const std::vector<fs::path>& meshes,
   const auto work = [&] {
     try {
       for (std::size_t i = next++; i < meshes.size() && !stop; i = next++) {
-        writer.Put(i, RenderObject(meshes[i], options));
+        writer.Put(i, RenderObject(meshes, i, options));
         ++finished;
       }
     } catch (...) {

@@ -14,8 +14,10 @@
 namespace antipode {
 
 struct ViewCacheOptions {
-  int views_per_object = 48;
-  int variants = 2;           ///< the first is the object itself, the others are randomly stretched
+  int views_per_object = 24;  ///< of every variant
+  /// The first is the object itself; then, in turn: stretched, stretched and retextured, stretched and joined
+  /// with another object.
+  int variants = 4;
   double stretch = 1.35;      ///< greatest factor between the axes of a stretched variant
   int image_size = 160;       ///< pixels; the object's box fills 1 / (1 + 2 margin) of it
   double margin = 0.19;       ///< room for in-plane rotation and jitter of the crop
