@@ -49,6 +49,11 @@ Tensor SphereBasis(int bases, int side, int max_degree) {
   return basis / side;
 }
 
+/// Zero for a share of the entries, and such that the mean stays 1.
+Tensor DropoutMask(const std::vector<std::int64_t>& shape, double share, const Tensor& like) {
+  return torch::empty(shape, like.options()).bernoulli_(1 - share) / (1 - share);
+}
+
 Tensor Flatten(const Tensor& map) { return map.flatten(2).transpose(1, 2); }  // -> [N, HW, C]
 
 }  // namespace
@@ -100,8 +105,11 @@ TransformerLayerImpl::TransformerLayerImpl(int width, int heads, int feed_forwar
   contract = register_module("contract", torch::nn::Linear(feed_forward, width));
 }
 
-torch::Tensor TransformerLayerImpl::forward(torch::Tensor tokens) {
+torch::Tensor TransformerLayerImpl::forward(torch::Tensor tokens, double branch_dropout) {
   const auto batch = tokens.size(0), count = tokens.size(1), width = tokens.size(2);
+  const auto thinned = [&](const Tensor& branch) {
+    return branch_dropout > 0 ? branch * DropoutMask({batch, 1, 1}, branch_dropout, branch) : branch;
+  };
   const auto qkv = to_qkv(norm1(tokens))
                        .view({batch, count, 3, heads_, width / heads_})
                        .permute({2, 0, 3, 1, 4});  // [3, N, heads, T, width / heads]
@@ -109,8 +117,8 @@ torch::Tensor TransformerLayerImpl::forward(torch::Tensor tokens) {
   const double scale = 1 / std::sqrt(static_cast<double>(width / heads_));
   const auto weights = torch::softmax(torch::matmul(qkv[0] * scale, qkv[1].transpose(2, 3)), -1);
   const auto attended = torch::matmul(weights, qkv[2]).transpose(1, 2).reshape({batch, count, width});
-  tokens = tokens + to_out(attended);
-  return tokens + contract(torch::gelu(expand(norm2(tokens))));
+  tokens = tokens + thinned(to_out(attended));
+  return tokens + thinned(contract(torch::gelu(expand(norm2(tokens)))));
 }
 
 ObjectEncoderImpl::ObjectEncoderImpl(const ObjectEncoderConfig& config) : config_(config) {
@@ -140,13 +148,17 @@ ObjectEncoderImpl::ObjectEncoderImpl(const ObjectEncoderConfig& config) : config
 Tensor ObjectEncoderImpl::Tokens(const FeaturePyramid& features) {
   const auto coarse = torch::upsample_nearest2d(features.stride32, {features.stride16.size(2), features.stride16.size(3)});
   const auto fine = torch::pixel_unshuffle(features.stride8, 2);  // [N, 160, H/16, W/16]
-  return project8(norm8(Flatten(fine))) + project16(norm16(Flatten(features.stride16))) +
-         project32(norm32(Flatten(coarse))) + position;
+  Tensor tokens = project8(norm8(Flatten(fine))) + project16(norm16(Flatten(features.stride16))) +
+                  project32(norm32(Flatten(coarse)));
+  if (is_training() && dropout_.tokens > 0)
+    tokens = tokens * DropoutMask({tokens.size(0), tokens.size(1), 1}, dropout_.tokens, tokens);
+  return tokens + position;
 }
 
 Tensor ObjectEncoderImpl::CodeFromFeatures(const FeaturePyramid& features) {
   Tensor tokens = Tokens(features);
-  for (const auto& layer : *layers) tokens = layer->as<TransformerLayer>()->forward(tokens);
+  const double branch_dropout = is_training() ? dropout_.branches : 0;
+  for (const auto& layer : *layers) tokens = layer->as<TransformerLayer>()->forward(tokens, branch_dropout);
   const auto batch = tokens.size(0), count = tokens.size(1);
   const auto values = to_values(norm_out(tokens))
                           .view({batch, count, config_.spatial_bases, config_.channels})

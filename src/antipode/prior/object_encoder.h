@@ -27,11 +27,18 @@ struct ObjectEncoderConfig {
                                           const std::string& file);
 };
 
+/// What the encoder leaves out at random while it trains; nothing in evaluation mode.
+struct EncoderDropout {
+  double branches = 0;  ///< share of residual branches, image by image (stochastic depth, Huang et al. 2016)
+  double tokens = 0;    ///< share of tokens whose features are replaced by their position alone
+};
+
 /// Pre-norm transformer layer (Vaswani et al. 2017; Xiong et al. 2020), GELU.
 class TransformerLayerImpl : public torch::nn::Module {
  public:
   TransformerLayerImpl(int width, int heads, int feed_forward);
-  torch::Tensor forward(torch::Tensor tokens);  // [N, T, width] -> the same
+  /// @param branch_dropout share of residual branches left out, image by image
+  torch::Tensor forward(torch::Tensor tokens, double branch_dropout = 0);  // [N, T, width] -> the same
 
  private:
   int heads_;
@@ -60,6 +67,8 @@ class ObjectEncoderImpl : public torch::nn::Module {
   FeaturePyramid Features(const torch::Tensor& images) { return backbone->forward(images); }
   torch::Tensor CodeFromFeatures(const FeaturePyramid& features);
 
+  void SetDropout(const EncoderDropout& dropout) { dropout_ = dropout; }
+
   const ObjectEncoderConfig& config() const { return config_; }
   EfficientNetLite0 backbone{nullptr};
 
@@ -67,6 +76,7 @@ class ObjectEncoderImpl : public torch::nn::Module {
   torch::Tensor Tokens(const FeaturePyramid& features);
 
   ObjectEncoderConfig config_;
+  EncoderDropout dropout_;
   torch::nn::LayerNorm norm8{nullptr}, norm16{nullptr}, norm32{nullptr}, norm_out{nullptr};
   torch::nn::Linear project8{nullptr}, project16{nullptr}, project32{nullptr}, to_values{nullptr};
   torch::nn::ModuleList layers;

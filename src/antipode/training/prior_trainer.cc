@@ -36,6 +36,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr char kCheckpointName[] = "checkpoint.safetensors";
 constexpr char kLogName[] = "log.csv";
+constexpr int kBackboneBlocks = 16;
 constexpr char kBackboneModel[] = "efficientnet-lite0";
 
 double MinutesSince(Clock::time_point start) {
@@ -91,12 +92,13 @@ class Trainer {
         grid_(SuperFibonacciRotations(options.grid_size)) {
     torch::manual_seed(options.seed);
     encoder_ = ObjectEncoder(options.encoder);
+    encoder_->SetDropout(options.dropout);
     encoder_->to(device_);
   }
 
   /// What every start has in common: the moving average and the optimiser of the present weights.
   void Prepare() {
-    encoder_->backbone->FreezeFirstBlocks(options_.frozen_blocks);
+    encoder_->backbone->FreezeFirstBlocks(TrainsBackbone() ? options_.frozen_blocks : kBackboneBlocks);
     std::vector<Tensor> backbone, head;
     for (auto& item : encoder_->named_parameters()) {
       average_[item.key()] = item.value().detach().clone();
@@ -170,7 +172,11 @@ class Trainer {
     return std::min(1.0, Minutes() / options_.minutes);
   }
 
-  std::int64_t FrozenSteps() const { return std::int64_t(options_.frozen_batches) * options_.frozen_epochs; }
+  bool TrainsBackbone() const { return options_.backbone_learning_rate > 0; }
+  /// Steps on cached features; without them if the backbone stays frozen, so that no image is seen twice.
+  std::int64_t FrozenSteps() const {
+    return TrainsBackbone() ? std::int64_t(options_.frozen_batches) * options_.frozen_epochs : 0;
+  }
   bool BackboneIsFrozen() const { return step_ < FrozenSteps(); }
 
   std::string Describe() const {
@@ -251,6 +257,7 @@ class Trainer {
   void Step() {
     SetLearningRates();
     optimizer_->zero_grad();
+    torch::manual_seed(CombineSeeds(options_.seed + 3, static_cast<std::uint64_t>(step_)));
     const auto [codes, pairs] = Codes();
     const Tensor loss = Loss(codes, pairs);
     const double value = loss.item<double>();
@@ -403,7 +410,9 @@ void PriorTrainingOptions::Check() const {
   if (objects_per_step < 1) throw InvalidOption("objects_per_step", "must be at least 1");
   if (views_per_object < 2) throw InvalidOption("views_per_object", "leaves no pair", "use at least 2");
   if (!(learning_rate > 0) || !(backbone_learning_rate >= 0)) throw InvalidOption("learning_rate", "must be positive");
-  if (frozen_blocks < 0 || frozen_blocks > 16) throw InvalidOption("frozen_blocks", "must be 0 to 16");
+  if (dropout.branches < 0 || dropout.branches >= 1 || dropout.tokens < 0 || dropout.tokens >= 1)
+    throw InvalidOption("dropout", "must be at least 0 and less than 1");
+  if (frozen_blocks < 0 || frozen_blocks > kBackboneBlocks) throw InvalidOption("frozen_blocks", "must be 0 to 16");
   if (frozen_batches < 1 || frozen_epochs < 0) throw InvalidOption("frozen_batches", "must be at least 1");
   encoder.Check();
   views.Check();

@@ -30,7 +30,7 @@ struct PriorTrainingOptions {
   int frozen_epochs = 3;            ///< passes over them with the backbone frozen
   int frozen_blocks = 3;            ///< first blocks of the backbone that are never trained
   double learning_rate = 1e-3;
-  double backbone_learning_rate = 4e-4;
+  double backbone_learning_rate = 4e-4;  ///< 0 leaves the backbone as it is
   double weight_decay = 0.02;
   int warm_up_steps = 150;
   double gradient_clip = 1.0;
@@ -40,6 +40,7 @@ struct PriorTrainingOptions {
   double minutes_between_validations = 10;
 
   ObjectEncoderConfig encoder;
+  EncoderDropout dropout{.branches = 0.1, .tokens = 0.1};
   AugmentationOptions augmentation;
   ViewCacheOptions views;
   void Check() const;

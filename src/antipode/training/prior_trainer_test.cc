@@ -138,6 +138,22 @@ TEST_F(PriorTrainerTest, RefusesToResumeWhatIsNotThereOrDiffers) {
   EXPECT_THROW(TrainPrior(other, StartFrom::kCheckpoint, {}), BadFile);
 }
 
+TEST_F(PriorTrainerTest, WithoutALearningRateTheBackboneStaysAsItIs) {
+  const auto weights_after = [&](int iterations, double rate) {
+    PriorTrainingOptions options = Options("out" + std::to_string(iterations) + std::to_string(rate));
+    options.iterations = iterations;
+    options.frozen_epochs = 0;
+    options.backbone_learning_rate = rate;
+    TrainPrior(options, StartFrom::kScratch, {});
+    return SafetensorsReader(options.out / "checkpoint.safetensors").ReadAll().tensors;
+  };
+  const std::string backbone = "weight/backbone._blocks.9._project_conv.weight", head = "weight/project16.weight";
+  const auto before = weights_after(1, 0), after = weights_after(4, 0), trained = weights_after(4, 1e-3);
+  EXPECT_EQ(before.at(backbone).data, after.at(backbone).data);
+  EXPECT_NE(before.at(backbone).data, trained.at(backbone).data);
+  EXPECT_NE(before.at(head).data, after.at(head).data);
+}
+
 TEST_F(PriorTrainerTest, TheCacheIsRenderedOnceAndAgainWhenOptionsChange) {
   PriorTrainingOptions options = Options("out");
   const auto meshes = FilesWithExtension(options.objects, ".glb");
