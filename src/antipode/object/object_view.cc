@@ -169,16 +169,6 @@ Eigen::Matrix3d SourceFromGrid(const PixelGrid& grid) {
   return matrix;
 }
 
-/// The same homography for pixel centres at integers, as OpenCV's warps have them.
-cv::Mat ForIntegerCentres(const Eigen::Matrix3d& homography) {
-  Eigen::Matrix3d half_pixel = Eigen::Matrix3d::Identity();
-  half_pixel.topRightCorner<2, 1>().setConstant(0.5);
-  const Eigen::Matrix3d shifted = half_pixel.inverse() * homography * half_pixel;
-  cv::Mat matrix;
-  cv::eigen2cv(shifted, matrix);
-  return matrix;
-}
-
 void CheckInput(const cv::Mat& image, const cv::Mat& mask, const PinholeCamera& camera) {
   if (image.empty() || image.type() != CV_8UC3) {
     throw Error("image", "is empty or not 8-bit RGB", "give an 8-bit picture of three channels");
@@ -235,6 +225,15 @@ Eigen::Matrix3d CropHomography(const PinholeCamera& camera, const ObjectCrop& cr
   return crop.camera.Intrinsics() * crop.crop_from_camera * camera.Intrinsics().inverse();
 }
 
+cv::Matx33d HomographyForOpenCv(const Eigen::Matrix3d& homography) {
+  Eigen::Matrix3d half_pixel = Eigen::Matrix3d::Identity();
+  half_pixel.topRightCorner<2, 1>().setConstant(0.5);
+  const Eigen::Matrix3d shifted = half_pixel.inverse() * homography * half_pixel;
+  cv::Matx33d matrix;
+  cv::eigen2cv(shifted, matrix);
+  return matrix;
+}
+
 ObjectView MakeObjectView(const cv::Mat& image, const cv::Mat& mask, const PinholeCamera& camera,
                           const ObjectViewOptions& options) {
   CheckInput(image, mask, camera);
@@ -251,7 +250,7 @@ ObjectView MakeObjectView(const cv::Mat& image, const cv::Mat& mask, const Pinho
 
   const cv::Mat darkness = ReducedDarkness(image, blob.mask, grid);
   cv::Mat warped;
-  cv::warpPerspective(darkness, warped, ForIntegerCentres(homography * SourceFromGrid(grid)),
+  cv::warpPerspective(darkness, warped, HomographyForOpenCv(homography * SourceFromGrid(grid)),
                       {options.size, options.size}, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
 
   ObjectView view;

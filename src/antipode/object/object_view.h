@@ -55,6 +55,9 @@ ObjectCrop LookAtBox(const PinholeCamera& camera, const cv::Rect2d& box,
 /// Homography H = K_v R_v K^-1 from source pixels to crop pixels.
 Eigen::Matrix3d CropHomography(const PinholeCamera& camera, const ObjectCrop& crop);
 
+/// The same homography for pixel centres at integers, as OpenCV's warps have them.
+cv::Matx33d HomographyForOpenCv(const Eigen::Matrix3d& homography);
+
 /// Crops `image` (8UC3, RGB) around the largest blob of `mask` (8UC1, same size; value > 125 is
 /// object). Anti-aliased where it shrinks. Pixels farther than 2 px outside the blob's box count as
 /// background.

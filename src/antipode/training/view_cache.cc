@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cstring>
 #include <fstream>
 #include <mutex>
 #include <thread>
@@ -140,20 +139,13 @@ class CacheWriter {
     if (!pixels_) throw BadFile(PixelFile(folder).string(), "could not be written", "free some disk space");
     const auto count = static_cast<std::int64_t>(focal_lengths_.size());
     TensorFile cameras;
-    cameras.tensors["rotation"] = MakeF64({count, 3, 3}, rotations_);
-    cameras.tensors["focal_length"] = MakeF64({count}, focal_lengths_);
+    cameras.tensors["rotation"] = HostTensor::FromDouble({count, 3, 3}, rotations_);
+    cameras.tensors["focal_length"] = HostTensor::FromDouble({count}, focal_lengths_);
     WriteSafetensors(CameraFile(folder), cameras);
     fs::rename(PixelFile(folder).string() + ".partial", PixelFile(folder));
   }
 
  private:
-  static HostTensor MakeF64(std::vector<std::int64_t> shape, const std::vector<double>& values) {
-    HostTensor tensor{Dtype::kF64, std::move(shape), {}};
-    tensor.data.resize(values.size() * sizeof(double));
-    std::memcpy(tensor.data.data(), values.data(), tensor.data.size());
-    return tensor;
-  }
-
   std::size_t views_per_object_, bytes_per_view_;
   std::vector<double> rotations_, focal_lengths_;
   std::ofstream pixels_;

@@ -404,15 +404,24 @@ std::vector<double> HostTensor::ToDouble() const {
   throw Error("tensor", "has an unknown dtype");
 }
 
-HostTensor HostTensor::FromFloat(std::vector<std::int64_t> shape, std::span<const float> values) {
-  const std::optional<std::uint64_t> needed = ByteCount(shape, Dtype::kF32);
-  if (!needed || *needed != values.size_bytes()) {
-    throw Error("tensor",
-                "has " + std::to_string(values.size()) + " values, which its shape contradicts");
+namespace {
+
+HostTensor FromBytes(Dtype dtype, std::vector<std::int64_t> shape, std::span<const std::byte> bytes) {
+  const std::optional<std::uint64_t> needed = ByteCount(shape, dtype);
+  if (!needed || *needed != bytes.size()) {
+    throw Error("tensor", "has " + std::to_string(bytes.size()) + " bytes, which its shape contradicts");
   }
-  HostTensor tensor{Dtype::kF32, std::move(shape), std::vector<std::byte>(values.size_bytes())};
-  std::copy_n(std::as_bytes(values).begin(), values.size_bytes(), tensor.data.begin());
-  return tensor;
+  return {dtype, std::move(shape), {bytes.begin(), bytes.end()}};
+}
+
+}  // namespace
+
+HostTensor HostTensor::FromFloat(std::vector<std::int64_t> shape, std::span<const float> values) {
+  return FromBytes(Dtype::kF32, std::move(shape), std::as_bytes(values));
+}
+
+HostTensor HostTensor::FromDouble(std::vector<std::int64_t> shape, std::span<const double> values) {
+  return FromBytes(Dtype::kF64, std::move(shape), std::as_bytes(values));
 }
 
 HostTensor ConvertTo(const HostTensor& tensor, Dtype dtype) {

@@ -30,6 +30,7 @@ struct HostTensor {
   std::vector<double> ToDouble() const;
   /// From values in memory.
   static HostTensor FromFloat(std::vector<std::int64_t> shape, std::span<const float> values);
+  static HostTensor FromDouble(std::vector<std::int64_t> shape, std::span<const double> values);
 };
 
 /// The same values in another floating dtype, rounded to nearest, ties to even.
