@@ -1,12 +1,18 @@
 #include "antipode/pose/two_view_pose.h"
 
+#include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 
+#include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
 namespace {
+
+constexpr double kTrustedDirectionDeg = 10;  // of the translation, by the covariance
+constexpr double kSameModeDeg = 30;
 
 /// Seconds since the last call, filed under a name.
 class Stopwatch {
@@ -25,11 +31,111 @@ void AddWarnings(const std::string& whose, const std::vector<std::string>& from,
   for (const std::string& warning : from) to.push_back(whose + ": " + warning);
 }
 
+using CroppedPair = std::array<ObjectView, 2>;  // reference, query
+
+CroppedPair Crop(const ObjectPhotograph& reference, const ObjectPhotograph& query, const ObjectViewOptions& options) {
+  return {MakeObjectView(reference.image, reference.mask, reference.camera, options),
+          MakeObjectView(query.image, query.mask, query.camera, options)};
+}
+
+void Keep(CroppedPair views, TwoViewPose& result) {
+  AddWarnings("reference", views[0].warnings, result.warnings);
+  AddWarnings("query", views[1].warnings, result.warnings);
+  result.reference = std::move(views[0]);
+  result.query = std::move(views[1]);
+}
+
+struct PriorOpinion {
+  torch::Tensor codes;
+  std::vector<RotationMode> modes;
+};
+
+PriorOpinion AskPrior(const ObjectPrior& prior, const CroppedPair& views, int hypotheses, TwoViewPose& result) {
+  Stopwatch stopwatch;
+  PriorOpinion opinion{prior.Encode(views), {}};
+  result.timings_s["encode"] = stopwatch.Lap();
+  opinion.modes = prior.Compare(opinion.codes[0], opinion.codes[1], {.max_modes = hypotheses});
+  result.timings_s["compare"] = stopwatch.Lap();
+  for (const RotationMode& mode : opinion.modes)
+    result.hypotheses.push_back({ComposeFromCrops(views[0], views[1], mode.rotation), mode.probability, "prior"});
+  return opinion;
+}
+
+MatchedViews Match(const Matcher& matcher, const CroppedPair& views, const ViewMatchingOptions& options,
+                   TwoViewPose& result) {
+  Stopwatch stopwatch;
+  MatchedViews matched = MatchObjectViews(matcher, views[0], views[1], options);
+  result.timings_s["match"] = stopwatch.Lap();
+  result.evidence["matches"] = static_cast<double>(matched.correspondences.size());
+  result.evidence["inliers"] = matched.geometry.inliers;
+  if (matched.geometry.status == TwoViewStatus::kPlanar)
+    result.warnings.push_back("matching: all matches lie on one plane, the pose may be its mirror solution");
+  if (matched.geometry.status == TwoViewStatus::kPureRotation)
+    result.warnings.push_back("matching: the matches show no parallax, the translation is that of the crops");
+  return matched;
+}
+
+/// The translation of the crops, turned where the correspondences know its direction better.
+Rigid3 ComposeFromMatches(const CroppedPair& views, const TwoViewGeometry& geometry) {
+  const Rigid3& between_crops = geometry.query_from_reference;
+  Rigid3 pose = ComposeFromCrops(views[0], views[1], between_crops.rotation);
+  const double deviation = DegreesFromRadians(std::sqrt(geometry.covariance.bottomRightCorner<2, 2>().trace() / 2));
+  if (geometry.status == TwoViewStatus::kFound && deviation < kTrustedDirectionDeg)
+    pose.translation = views[1].crop_from_camera.transpose() * between_crops.translation * pose.translation.norm();
+  return pose;
+}
+
+/// The probability of the pose of matching, filed with all that went into it.
+double Weigh(const MatchedViews& matched, std::optional<double> prior_mass, TwoViewPose& result) {
+  const MatchingEvidence evidence{static_cast<int>(matched.correspondences.size()), matched.geometry.inliers,
+                                  std::min(matched.geometry.RotationDeviationDeg(), 180.0), prior_mass};
+  result.evidence["rotation_deviation_deg"] = evidence.rotation_deviation_deg;
+  if (prior_mass) result.evidence["prior_mass"] = *prior_mass;
+  return result.evidence["matching_probability"] = MatchingProbability(evidence);
+}
+
+/// The turns of the query that bring it upright if a mode is right.
+std::vector<int> TurnsSuggestedBy(const std::vector<RotationMode>& modes) {
+  std::vector<int> turns;
+  for (const RotationMode& mode : modes) {
+    const int turn = QuarterTurnsUndoing(mode.rotation);
+    if (std::ranges::find(turns, turn) == turns.end()) turns.push_back(turn);
+  }
+  return turns;
+}
+
+/// Beside the prior's hypotheses, which keep their worth only as far as matching is wrong.
+void AddMatching(const Rigid3& pose, double probability, double prior_confidence, TwoViewPose& result) {
+  const bool agree = AngleBetweenDeg(result.hypotheses.front().query_from_reference.rotation, pose.rotation) < kSameModeDeg;
+  const double confidence_otherwise = (1 - probability) * prior_confidence;
+  for (PoseHypothesis& hypothesis : result.hypotheses) hypothesis.probability *= 1 - probability;
+  double taken_over = 0;
+  std::erase_if(result.hypotheses, [&](const PoseHypothesis& hypothesis) {
+    const bool near = AngleBetweenDeg(hypothesis.query_from_reference.rotation, pose.rotation) < kSameModeDeg;
+    if (near) taken_over += hypothesis.probability;
+    return near;
+  });
+  const PoseHypothesis matching{pose, probability + taken_over, "matching"};
+  const bool first = agree || probability > confidence_otherwise;
+  result.hypotheses.insert(first ? result.hypotheses.begin() : result.hypotheses.end(), matching);
+  result.confidence = first ? probability + (agree ? confidence_otherwise : 0) : confidence_otherwise;
+}
+
+void SortAllButFirst(std::vector<PoseHypothesis>& hypotheses, int most) {
+  std::stable_sort(hypotheses.begin() + 1, hypotheses.end(), [](const PoseHypothesis& a, const PoseHypothesis& b) {
+    return a.probability > b.probability;
+  });
+  if (hypotheses.size() > static_cast<std::size_t>(most)) hypotheses.resize(most);
+}
+
 }  // namespace
 
 void TwoViewPoseOptions::Check() const {
   if (hypotheses < 1 || hypotheses > 50)
     throw InvalidOption("hypotheses", "is " + std::to_string(hypotheses), "use 1 to 50");
+  if (matching_size < 64 || matching_size > 2048)
+    throw InvalidOption("matching_size", "is " + std::to_string(matching_size), "use 64 to 2048");
+  matching.Check();
 }
 
 TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& reference,
@@ -37,27 +143,67 @@ TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& refer
   options.Check();
   TwoViewPose result;
   Stopwatch stopwatch;
-  std::array<ObjectView, 2> views{
-      MakeObjectView(reference.image, reference.mask, reference.camera, prior.ViewOptions()),
-      MakeObjectView(query.image, query.mask, query.camera, prior.ViewOptions())};
+  CroppedPair views = Crop(reference, query, prior.ViewOptions());
   result.timings_s["crop"] = stopwatch.Lap();
-
-  const torch::Tensor codes = prior.Encode(views);
-  result.timings_s["encode"] = stopwatch.Lap();
-
-  const std::vector<RotationMode> modes =
-      prior.Compare(codes[0], codes[1], {.max_modes = options.hypotheses});
-  result.timings_s["compare"] = stopwatch.Lap();
-
-  for (const RotationMode& mode : modes)
-    result.hypotheses.push_back({ComposeFromCrops(views[0], views[1], mode.rotation), mode.probability});
+  const PriorOpinion opinion = AskPrior(prior, views, options.hypotheses, result);
   result.query_from_reference = result.hypotheses.front().query_from_reference;
-  result.confidence = prior.Confidence(modes.front().probability);
-  AddWarnings("reference", views[0].warnings, result.warnings);
-  AddWarnings("query", views[1].warnings, result.warnings);
-  result.reference = std::move(views[0]);
-  result.query = std::move(views[1]);
+  result.confidence = prior.Confidence(opinion.modes.front().probability);
+  Keep(std::move(views), result);
   return result;
+}
+
+TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograph& reference,
+                                   const ObjectPhotograph& query, const TwoViewPoseOptions& options) {
+  options.Check();
+  TwoViewPose result;
+  Stopwatch stopwatch;
+  CroppedPair views = Crop(reference, query, {.size = options.matching_size});
+  result.timings_s["crop"] = stopwatch.Lap();
+  const MatchedViews matched = Match(matcher, views, options.matching, result);
+  if (matched.geometry.status == TwoViewStatus::kTooFewMatches)
+    throw Error("matching", "found too few consistent matches (" + std::to_string(matched.correspondences.size()) + " in all)",
+                "use --method auto, which also knows what the object's other sides may look like");
+  result.query_from_reference = ComposeFromMatches(views, matched.geometry);
+  result.confidence = Weigh(matched, std::nullopt, result);
+  result.hypotheses = {{result.query_from_reference, result.confidence, "matching"}};
+  Keep(std::move(views), result);
+  return result;
+}
+
+TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher, const ObjectPhotograph& reference,
+                               const ObjectPhotograph& query, const TwoViewPoseOptions& options) {
+  options.Check();
+  TwoViewPose result;
+  Stopwatch stopwatch;
+  CroppedPair small = Crop(reference, query, prior.ViewOptions());
+  const CroppedPair large = Crop(reference, query, {.size = options.matching_size});
+  result.timings_s["crop"] = stopwatch.Lap();
+  const PriorOpinion opinion = AskPrior(prior, small, options.hypotheses, result);
+  const double prior_confidence = prior.Confidence(opinion.modes.front().probability);
+  result.confidence = prior_confidence;
+
+  ViewMatchingOptions matching = options.matching;
+  matching.quarter_turns = TurnsSuggestedBy(opinion.modes);
+  const MatchedViews matched = Match(matcher, large, matching, result);
+  if (matched.geometry.status != TwoViewStatus::kTooFewMatches) {
+    const double mass = prior.MassAround(opinion.codes[0], opinion.codes[1], matched.geometry.query_from_reference.rotation);
+    AddMatching(ComposeFromMatches(large, matched.geometry), Weigh(matched, mass, result), prior_confidence, result);
+    SortAllButFirst(result.hypotheses, options.hypotheses);
+  }
+  result.query_from_reference = result.hypotheses.front().query_from_reference;
+  Keep(std::move(small), result);
+  return result;
+}
+
+double MatchingProbability(const MatchingEvidence& evidence) {
+  const double inliers = std::log1p(evidence.inliers);
+  const double share = evidence.inliers / std::max(1.0, static_cast<double>(evidence.matches));
+  const double deviation = std::log(std::clamp(evidence.rotation_deviation_deg, 0.01, 180.0));
+  const double log_odds =
+      evidence.prior_mass
+          ? -4.0 + 1.2 * inliers + 1.0 * share - 0.3 * deviation + 0.5 * (LogOdds(*evidence.prior_mass) + 4)
+          : -4.0 + 1.2 * inliers + 1.0 * share - 0.3 * deviation;
+  return 1 / (1 + std::exp(-log_odds));
 }
 
 }  // namespace antipode

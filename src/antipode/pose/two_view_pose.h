@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "antipode/geometry/camera.h"
 #include "antipode/geometry/rigid3.h"
 #include "antipode/object/object_view.h"
+#include "antipode/pose/view_matching.h"
 #include "antipode/prior/object_prior.h"
 
 namespace antipode {
@@ -22,7 +24,8 @@ struct ObjectPhotograph {
 
 struct PoseHypothesis {
   Rigid3 query_from_reference;  ///< translation in object radii
-  double probability = 0;       ///< posterior mass within 15 degrees of the rotation
+  double probability = 0;       ///< that the rotation is within 15 degrees of the truth
+  std::string source = "prior"; ///< "prior" or "matching"
 };
 
 /// The relative pose of two photographs: x_query = R x_reference + t.
@@ -31,17 +34,47 @@ struct TwoViewPose {
   double confidence = 0;                   ///< calibrated: how often a rotation error is below 30 degrees
   std::vector<PoseHypothesis> hypotheses;  ///< best first; probabilities sum to at most 1
   ObjectView reference, query;             ///< the object-centric crops that were compared
-  std::map<std::string, double> timings_s; ///< "crop", "encode", "compare"
+  std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match"
+  /// What speaks for the pose. With matching: "matches", "inliers", "rotation_deviation_deg",
+  /// "matching_probability"; with prior and matching: "prior_mass" around the pose of matching.
+  std::map<std::string, double> evidence;
   std::vector<std::string> warnings;
 };
 
 struct TwoViewPoseOptions {
-  int hypotheses = 5;  ///< how many to list at most
+  int hypotheses = 5;       ///< how many to list at most
+  int matching_size = 480;  ///< side of the crops that are matched, pixels
+  ViewMatchingOptions matching;
   void Check() const;
 };
 
 /// The route `prior`: crops, codes, posterior, composition of the pose (paper, eq. for R12, t12).
 TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& reference,
                          const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
+
+/// The route `matching`: crops, correspondences, two-view geometry. One hypothesis; its translation has the
+/// direction that the correspondences give, where they determine it, and the length that the crops give.
+/// @throws Error if there are too few consistent correspondences
+TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograph& reference,
+                                   const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
+
+/// The route `auto`: the hypotheses of the prior, and the pose of matching with the probability that
+/// `MatchingProbability` gives it; the prior's are worth what is left. Matching tries the turns of the query
+/// that the prior's modes suggest.
+TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher, const ObjectPhotograph& reference,
+                               const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
+
+/// What matching found, as `MatchingProbability` weighs it.
+struct MatchingEvidence {
+  int matches = 0;
+  int inliers = 0;
+  double rotation_deviation_deg = 180;  ///< see TwoViewGeometry
+  /// Posterior mass of the prior within 15 degrees of the rotation; nothing without a prior.
+  std::optional<double> prior_mass;
+};
+
+/// How often the rotation of matching is within 15 degrees of the truth: a logistic function of the evidence,
+/// fitted by scripts/fit_matching_probability.py on validation objects.
+double MatchingProbability(const MatchingEvidence& evidence);
 
 }  // namespace antipode

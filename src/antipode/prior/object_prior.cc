@@ -108,6 +108,12 @@ std::vector<RotationMode> ObjectPrior::Compare(const torch::Tensor& reference_co
   return posterior_->FindModes(Correlation(reference_code, query_code), options);
 }
 
+double ObjectPrior::MassAround(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                               const Eigen::Matrix3d& query_crop_from_reference_crop) const {
+  return posterior_->MassAround(Correlation(reference_code, query_code), query_crop_from_reference_crop,
+                                {.temperature = calibration_.temperature});
+}
+
 double ObjectPrior::Confidence(double mode_probability) const {
   const double log_odds =
       calibration_.confidence_slope * LogOdds(mode_probability) + calibration_.confidence_offset;

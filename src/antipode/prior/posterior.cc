@@ -92,6 +92,18 @@ Eigen::Matrix3d RotationPosterior::Maximize(const Eigen::VectorXf& correlation,
   return NearestRotation(rotation);
 }
 
+double RotationPosterior::MassAround(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation,
+                                     const PosteriorOptions& options) const {
+  options.Check();
+  const Eigen::VectorXf scores = GridScores(correlation) / static_cast<float>(options.temperature);
+  const Eigen::VectorXd weights = (scores.array() - scores.maxCoeff()).exp().cast<double>();
+  const double mass_trace = TraceAtAngle(options.mass_radius_deg);
+  double mass = 0;
+  for (std::size_t g = 0; g < grid_.size(); ++g)
+    if (TraceOfDifference(rotation, grid_[g]) >= mass_trace) mass += weights[g];
+  return mass / weights.sum();
+}
+
 std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& correlation,
                                                        const PosteriorOptions& options) const {
   options.Check();

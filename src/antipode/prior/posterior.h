@@ -39,6 +39,10 @@ class RotationPosterior {
   std::vector<RotationMode> FindModes(const Eigen::VectorXf& correlation,
                                       const PosteriorOptions& options = {}) const;
 
+  /// Posterior mass within `mass_radius_deg` of `rotation`.
+  double MassAround(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation,
+                    const PosteriorOptions& options = {}) const;
+
   /// s(R) of every rotation of the grid.
   Eigen::VectorXf GridScores(const Eigen::VectorXf& correlation) const { return grid_wigner_ * correlation; }
 

@@ -141,6 +141,14 @@ TEST(RotationPosterior, ATemperatureFlattens) {
   EXPECT_GT(sharp.front().probability, flat.front().probability);
 }
 
+TEST(RotationPosterior, TheMassAroundAPeakIsItsProbability) {
+  std::mt19937_64 random(8);
+  const Eigen::VectorXf correlation = Correlate(RandomCode(random, 2), RandomCode(random, 2));
+  const auto modes = Posterior().FindModes(correlation);
+  EXPECT_NEAR(Posterior().MassAround(correlation, modes.front().rotation), modes.front().probability, 1e-9);
+  EXPECT_NEAR(Posterior().MassAround(correlation, RandomRotation(random), {.mass_radius_deg = 179.9}), 1, 1e-3);
+}
+
 TEST(RotationPosterior, RefusesImpossibleOptions) {
   const Eigen::VectorXf correlation = Eigen::VectorXf::Zero(WignerSize(kDegree));
   EXPECT_THROW(Posterior().FindModes(correlation, {.max_modes = 0}), InvalidOption);
