@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
@@ -21,6 +22,16 @@ constexpr CalibrationField kCalibrationFields[] = {
     {"confidence_slope", &PriorCalibration::confidence_slope},
     {"confidence_offset", &PriorCalibration::confidence_offset},
 };
+
+/// s with Y(M x) = s Y(x) for the mirror M = diag(-1, 1, 1); every harmonic is even or odd in x.
+torch::Tensor MirrorSigns(int max_degree) {
+  const Eigen::Vector3d direction = Eigen::Vector3d(0.41, 0.53, 0.74).normalized();  // on no zero of a harmonic
+  const Eigen::VectorXd here = SphericalHarmonics(direction, max_degree);
+  const Eigen::VectorXd there = SphericalHarmonics(direction.cwiseProduct(Eigen::Vector3d(-1, 1, 1)), max_degree);
+  auto signs = torch::empty({here.size()});
+  for (Eigen::Index i = 0; i < here.size(); ++i) signs[i] = here[i] * there[i] > 0 ? 1.0f : -1.0f;
+  return signs;
+}
 
 }  // namespace
 
@@ -71,6 +82,7 @@ ObjectPrior::ObjectPrior(ObjectEncoder encoder, torch::Device device,
     : encoder_(std::move(encoder)),
       device_(device),
       calibration_(calibration),
+      mirror_signs_(MirrorSigns(encoder_->config().max_degree)),
       posterior_(std::make_shared<RotationPosterior>(encoder_->config().max_degree)) {
   encoder_->to(device);
   encoder_->eval();
@@ -86,7 +98,9 @@ torch::Tensor ObjectPrior::Encode(std::span<const ObjectView> views) const {
   const torch::InferenceMode inference;
   const auto images = EncoderInput(views, encoder_->config().image_size).to(device_);
   ObjectEncoder encoder = encoder_;
-  const auto codes = encoder->forward(images).to(torch::kCPU);
+  const auto both = encoder->forward(torch::cat({images, images.flip(3)})).to(torch::kCPU).chunk(2);
+  // Two codes in one, so that the score of a pair is the mean of both scores.
+  const auto codes = torch::cat({both[0], both[1] * mirror_signs_}, 1) * std::sqrt(0.5);
   if (!torch::isfinite(codes).all().item<bool>())
     throw Error("object prior", "the network's output is not finite", "verify the weights: antipode models verify");
   return codes;

@@ -44,7 +44,9 @@ class ObjectPrior {
   /// Crops must be made with these options.
   ObjectViewOptions ViewOptions() const;
 
-  /// @return [N, C, (L + 1)^2], on the CPU
+  /// Each image is seen twice, as it is and mirrored: the network was trained on mirrored objects too, and its
+  /// errors on both differ. The mirrored code is mirrored back and appended as further channels.
+  /// @return [N, 2 C, (L + 1)^2], on the CPU
   torch::Tensor Encode(std::span<const ObjectView> views) const;
 
   /// Peaks of p(query_crop_from_reference_crop), best first.
@@ -70,6 +72,7 @@ class ObjectPrior {
   ObjectEncoder encoder_;
   torch::Device device_;
   PriorCalibration calibration_;
+  torch::Tensor mirror_signs_;  // [(L + 1)^2]
   std::shared_ptr<const RotationPosterior> posterior_;
 };
 

@@ -5,6 +5,7 @@
 
 #include "antipode/geometry/so3_grid.h"
 #include "antipode/prior/correlation.h"
+#include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -98,6 +99,29 @@ TEST(ObjectPrior, RefusesCropsOfAnotherSize) {
   ObjectView view = ViewWithDisc(20, 20);
   cv::resize(view.image, view.image, {32, 32});
   EXPECT_THROW(prior.Encode(std::vector{view}), Error);
+}
+
+TEST(ObjectPrior, MirroringBothImagesMirrorsTheScores) {
+  torch::manual_seed(5);
+  const ObjectPrior prior(SmallEncoder(), torch::kCPU);
+  ObjectView a, b;
+  a.image = cv::Mat(64, 64, CV_8UC3);
+  b.image = cv::Mat(64, 64, CV_8UC3);
+  cv::randu(a.image, 0, 255);
+  cv::randu(b.image, 0, 255);
+  ObjectView a_mirrored = a, b_mirrored = b;
+  cv::flip(a.image, a_mirrored.image, 1);
+  cv::flip(b.image, b_mirrored.image, 1);
+  const auto codes = prior.Encode(std::vector{a, b}), mirrored = prior.Encode(std::vector{a_mirrored, b_mirrored});
+  const Eigen::DiagonalMatrix<double, 3> mirror(-1, 1, 1);
+  std::mt19937_64 random(6);
+  for (int i = 0; i < 5; ++i) {
+    const Eigen::Matrix3d rotation = RandomRotation(random);
+    const double score = prior.posterior().Score(prior.Correlation(codes[0], codes[1]), rotation);
+    const double mirrored_score =
+        prior.posterior().Score(prior.Correlation(mirrored[0], mirrored[1]), mirror * rotation * mirror);
+    EXPECT_NEAR(score, mirrored_score, 1e-4);
+  }
 }
 
 }  // namespace
