@@ -81,7 +81,7 @@ class Estimator {
     result.is_inlier = Inliers(pose, options_.threshold_px);
     result.inliers = static_cast<int>(std::count(result.is_inlier.begin(), result.is_inlier.end(), 1));
     if (result.inliers < options_.least_inliers) return Failure();
-    result.status = Degeneracy(Select(rays_, result.is_inlier));
+    NameDegeneracy(Select(rays_, result.is_inlier), result);
     return result;
   }
 
@@ -123,20 +123,28 @@ class Estimator {
     return pose;
   }
 
-  TwoViewStatus Degeneracy(const std::vector<RayPair>& inliers) const {
+  /// Without parallax the essential matrix says nothing reliable, but the rotation alone does.
+  void NameDegeneracy(const std::vector<RayPair>& inliers, TwoViewGeometry& result) const {
     const double needed = kExplainedShare * static_cast<double>(inliers.size());
-    if (ExplainedByRotation(inliers) >= needed) return TwoViewStatus::kPureRotation;
-    if (ExplainedByPlane(inliers) >= needed) return TwoViewStatus::kPlanar;
-    return TwoViewStatus::kFound;
+    const Eigen::Matrix3d turn = BestTurn(inliers);
+    if (ExplainedByTurn(inliers, turn) >= needed) {
+      result.status = TwoViewStatus::kPureRotation;
+      result.query_from_reference.rotation = turn;
+      return;
+    }
+    result.status = ExplainedByPlane(inliers) >= needed ? TwoViewStatus::kPlanar : TwoViewStatus::kFound;
   }
 
-  int ExplainedByRotation(const std::vector<RayPair>& inliers) const {
+  static Eigen::Matrix3d BestTurn(const std::vector<RayPair>& inliers) {
     Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
     for (const RayPair& pair : inliers) moment += pair.query.normalized() * pair.reference.normalized().transpose();
-    const Eigen::Matrix3d rotation = NearestRotation(moment);
+    return NearestRotation(moment);
+  }
+
+  int ExplainedByTurn(const std::vector<RayPair>& inliers, const Eigen::Matrix3d& turn) const {
     int count = 0;
     for (const RayPair& pair : inliers) {
-      const Eigen::Vector3d turned = rotation * pair.reference;
+      const Eigen::Vector3d turned = turn * pair.reference;
       count += turned.z() > 0 && (turned.hnormalized() - pair.query.hnormalized()).norm() < 2 * ThresholdOnPlane();
     }
     return count;

@@ -20,7 +20,7 @@ struct CameraPair {
 enum class TwoViewStatus {
   kFound,           ///< rotation and translation direction are determined
   kPlanar,          ///< one homography explains the inliers: the pose may be the other of two solutions
-  kPureRotation,    ///< turning the camera explains the inliers: the translation direction means nothing
+  kPureRotation,    ///< turning the camera explains the inliers: the translation means nothing
   kTooFewMatches,   ///< no pose
 };
 

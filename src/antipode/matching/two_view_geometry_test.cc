@@ -118,7 +118,9 @@ TEST(TwoViewGeometry, NamesDegenerateCases) {
   World turned = MakeWorld(2, 0, 200, 0, 0);
   for (std::size_t i = 0; i < turned.points.size(); ++i)
     turned.correspondences.query[i] = kCameras.query.Project(RotationAboutY(0.1) * turned.points[i]);
-  EXPECT_EQ(EstimateTwoViewGeometry(turned.correspondences, kCameras).status, TwoViewStatus::kPureRotation);
+  const TwoViewGeometry turn = EstimateTwoViewGeometry(turned.correspondences, kCameras);
+  EXPECT_EQ(turn.status, TwoViewStatus::kPureRotation);
+  EXPECT_LT(AngleBetweenDeg(turn.query_from_reference.rotation, RotationAboutY(0.1)), 1e-6);
 
   const World few = MakeWorld(3, 25, 5, 0, 0);
   const TwoViewGeometry nothing = EstimateTwoViewGeometry(few.correspondences, kCameras);
