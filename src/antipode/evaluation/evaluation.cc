@@ -38,12 +38,11 @@ std::string FirstLine(const std::string& text) {
   return text.substr(0, text.find_first_of("\r\n"));
 }
 
-Attempt Try(const PoseMethod& method, const ObjectPhotograph& reference,
-            const ObjectPhotograph& query) {
+Attempt Try(const PoseMethod& method, const PairToEstimate& pair) {
   Attempt attempt;
   const Stopwatch stopwatch;
   try {
-    attempt.pose = method.estimate(reference, query);
+    attempt.pose = method.estimate(pair);
   } catch (const Interrupted&) {
     throw;
   } catch (const std::exception& error) {
@@ -84,7 +83,10 @@ void RecordPose(const TwoViewPose& pose, const Rigid3& truth, EvaluatedPair& row
   row.translation_error_deg =
       TranslationDirectionErrorDeg(pose.query_from_reference.translation, truth.translation);
   row.confidence = std::isfinite(pose.confidence) ? pose.confidence : 0;
+  row.evidence = pose.evidence;
   for (const PoseHypothesis& hypothesis : pose.hypotheses) {
+    if (hypothesis.source == "matching")
+      row.matching_error_deg = RotationErrorDeg(hypothesis.query_from_reference.rotation, truth.rotation);
     if (!(hypothesis.probability >= kLikelyProbability)) continue;
     ++row.likely_hypotheses;
     row.truth_among_likely |=
@@ -102,45 +104,48 @@ double SwapDifferenceDeg(const Attempt& attempt, const Attempt& swapped) {
 
 class Evaluator {
  public:
-  Evaluator(const Dataset& dataset, const PoseMethod& method, const EvaluationOptions& options,
+  Evaluator(const Dataset& dataset, std::span<const PoseMethod> methods, const EvaluationOptions& options,
             const ProgressCallback& progress)
-      : dataset_(dataset), method_(method), options_(options), progress_(progress) {
-    result_.dataset = dataset.Name();
-    result_.method = method.name;
-    status_.total = static_cast<std::int64_t>(dataset.PairCount());
+      : dataset_(dataset), methods_(methods), options_(options), progress_(progress) {
+    for (const PoseMethod& method : methods) results_.push_back({dataset.Name(), method.name, {}, 0});
+    status_.total = static_cast<std::int64_t>(dataset.PairCount() * methods.size());
   }
 
-  EvaluationResult Run() {
+  std::vector<EvaluationResult> Run() {
     for (std::size_t i = 0; i < dataset_.ObjectCount(); ++i) {
       Report("loading");
       const Stopwatch stopwatch;
       const EvaluationScene scene = dataset_.Load(i);
-      result_.loading_seconds += stopwatch.Seconds();
-      result_.objects.push_back(EvaluateObject(scene));
+      const double seconds = stopwatch.Seconds();
+      for (std::size_t m = 0; m < methods_.size(); ++m) {
+        results_[m].loading_seconds += seconds;
+        results_[m].objects.push_back(EvaluateObject(scene, methods_[m]));
+      }
     }
     Report("done");
-    return std::move(result_);
+    return std::move(results_);
   }
 
  private:
-  EvaluatedObject EvaluateObject(const EvaluationScene& scene) {
+  EvaluatedObject EvaluateObject(const EvaluationScene& scene, const PoseMethod& method) {
     EvaluatedObject object{scene.object, scene.symmetric, {}, {}};
     for (const ViewPair& pair : scene.pairs) {
-      status_.detail = scene.object;
+      status_.detail = methods_.size() > 1 ? scene.object + " " + method.name : scene.object;
       Report("evaluating");
-      EvaluatePair(scene, pair, object);
+      EvaluatePair(scene, pair, method, object);
       ++status_.done;
     }
     return object;
   }
 
-  void EvaluatePair(const EvaluationScene& scene, const ViewPair& pair, EvaluatedObject& object) {
+  void EvaluatePair(const EvaluationScene& scene, const ViewPair& pair, const PoseMethod& method,
+                    EvaluatedObject& object) {
     const SceneView& reference = scene.views.at(pair.reference);
     const SceneView& query = scene.views.at(pair.query);
     const Rigid3 truth = query.camera_from_object * reference.camera_from_object.Inverse();
     EvaluatedPair row = DescribePair(scene, pair, truth);
 
-    const Attempt attempt = Try(method_, reference.photograph, query.photograph);
+    const Attempt attempt = Try(method, {scene.object, reference, query});
     row.seconds = attempt.seconds;
     if (attempt.pose) {
       RecordPose(*attempt.pose, truth, row);
@@ -149,10 +154,8 @@ class Evaluator {
     } else {
       RecordFailure(attempt, truth, row);
     }
-    if (options_.check_swap) {
-      row.swap_difference_deg =
-          SwapDifferenceDeg(attempt, Try(method_, query.photograph, reference.photograph));
-    }
+    if (options_.check_swap)
+      row.swap_difference_deg = SwapDifferenceDeg(attempt, Try(method, {scene.object, query, reference}));
     object.pairs.push_back(std::move(row));
   }
 
@@ -162,18 +165,29 @@ class Evaluator {
   }
 
   const Dataset& dataset_;
-  const PoseMethod& method_;
+  const std::span<const PoseMethod> methods_;
   const EvaluationOptions& options_;
   const ProgressCallback& progress_;
   Progress status_;
-  EvaluationResult result_;
+  std::vector<EvaluationResult> results_;
 };
 
 }  // namespace
 
+PoseMethod OnPhotographs(std::string name, PhotographMethod estimate) {
+  return {std::move(name), [estimate = std::move(estimate)](const PairToEstimate& pair) {
+            return estimate(pair.reference.photograph, pair.query.photograph);
+          }};
+}
+
+std::vector<EvaluationResult> Evaluate(const Dataset& dataset, std::span<const PoseMethod> methods,
+                                       const EvaluationOptions& options, const ProgressCallback& progress) {
+  return Evaluator(dataset, methods, options, progress).Run();
+}
+
 EvaluationResult Evaluate(const Dataset& dataset, const PoseMethod& method,
                           const EvaluationOptions& options, const ProgressCallback& progress) {
-  return Evaluator(dataset, method, options, progress).Run();
+  return Evaluate(dataset, std::span(&method, 1), options, progress).front();
 }
 
 }  // namespace antipode

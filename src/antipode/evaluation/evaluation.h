@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,12 +14,23 @@
 
 namespace antipode {
 
-/// Anything that estimates the pose of a pair (reference, query).
+/// What is asked of a method.
+struct PairToEstimate {
+  const std::string& object;
+  const SceneView& reference;  ///< methods must not look at `camera_from_object`
+  const SceneView& query;
+};
+
+/// Anything that estimates the pose of a pair.
 struct PoseMethod {
   std::string name;
-  std::function<TwoViewPose(const ObjectPhotograph& reference, const ObjectPhotograph& query)>
-      estimate;
+  std::function<TwoViewPose(const PairToEstimate& pair)> estimate;
 };
+
+/// A method that needs nothing but the photographs.
+using PhotographMethod =
+    std::function<TwoViewPose(const ObjectPhotograph& reference, const ObjectPhotograph& query)>;
+PoseMethod OnPhotographs(std::string name, PhotographMethod estimate);
 
 struct EvaluationOptions {
   bool check_swap = false;  ///< also estimate (query, reference); doubles the time
@@ -35,6 +47,9 @@ struct EvaluatedPair {
   double seconds = 0;       ///< of the estimate alone
   bool failed = false;      ///< the method threw: errors 180, confidence 0
   std::string failure;      ///< its message, one line
+  std::map<std::string, double> evidence;  ///< see TwoViewPose
+  /// Rotation error of the hypothesis that comes from matching, if there is one.
+  std::optional<double> matching_error_deg;
   int likely_hypotheses = 0;         ///< of probability 0.1 or more
   bool truth_among_likely = false;   ///< one of these is within 30 degrees of the true rotation
   /// Between the inverse of the estimate for (query, reference) and the estimate; 180 if either
@@ -55,9 +70,14 @@ struct EvaluationResult {
   double loading_seconds = 0;  ///< rendering or reading the images of all objects
 };
 
-/// Runs `method` on every pair of `dataset`, object by object. What the method throws counts as a
-/// failure of that pair, except `Interrupted`.
+/// Runs every method on every pair of `dataset`, object by object, so that all see the same images. What a
+/// method throws counts as a failure of that pair, except `Interrupted`. One result a method, in their order.
 /// @param progress called before every object and every pair, and at the end; may be empty
+std::vector<EvaluationResult> Evaluate(const Dataset& dataset, std::span<const PoseMethod> methods,
+                                       const EvaluationOptions& options = {},
+                                       const ProgressCallback& progress = {});
+
+/// The same with one method.
 EvaluationResult Evaluate(const Dataset& dataset, const PoseMethod& method,
                           const EvaluationOptions& options = {},
                           const ProgressCallback& progress = {});

@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <locale>
 #include <map>
+#include <set>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -35,8 +36,17 @@ std::string CsvField(const std::string& text) {
   return quoted + "\"";
 }
 
-std::string CsvRow(const EvaluatedPair& pair) {
-  const std::vector<std::string> fields{CsvField(pair.object),
+/// Names of all that speaks for the poses of some pair.
+std::set<std::string> EvidenceOf(const EvaluationResult& result) {
+  std::set<std::string> names;
+  for (const EvaluatedObject& object : result.objects)
+    for (const EvaluatedPair& pair : object.pairs)
+      for (const auto& [name, value] : pair.evidence) names.insert(name);
+  return names;
+}
+
+std::string CsvRow(const EvaluatedPair& pair, const std::set<std::string>& evidence) {
+  std::vector<std::string> fields{CsvField(pair.object),
                                         CsvField(pair.reference),
                                         CsvField(pair.query),
                                         Number(pair.angle_deg),
@@ -48,7 +58,12 @@ std::string CsvRow(const EvaluatedPair& pair) {
                                         pair.failed ? "1" : "0",
                                         std::to_string(pair.likely_hypotheses),
                                         pair.truth_among_likely ? "1" : "0",
-                                        Number(pair.swap_difference_deg)};
+                                        Number(pair.swap_difference_deg),
+                                        Number(pair.matching_error_deg)};
+  for (const std::string& name : evidence) {
+    const auto value = pair.evidence.find(name);
+    fields.push_back(value == pair.evidence.end() ? "" : Number(value->second));
+  }
   std::string row;
   for (const std::string& field : fields) row += (&field == fields.data() ? "" : ",") + field;
   return row + "\n";
@@ -252,9 +267,13 @@ bool SomeButNotAllSymmetric(const EvaluationResult& result) {
 std::string PairsCsv(const EvaluationResult& result) {
   std::string csv =
       "object,reference,query,angle_deg,rotation_error_deg,translation_error_deg,confidence,"
-      "seconds,rotation_deg,failed,likely_hypotheses,truth_among_likely,swap_difference_deg\n";
+      "seconds,rotation_deg,failed,likely_hypotheses,truth_among_likely,swap_difference_deg,"
+      "matching_error_deg";
+  const std::set<std::string> evidence = EvidenceOf(result);
+  for (const std::string& name : evidence) csv += "," + name;
+  csv += "\n";
   for (const EvaluatedObject& object : result.objects)
-    for (const EvaluatedPair& pair : object.pairs) csv += CsvRow(pair);
+    for (const EvaluatedPair& pair : object.pairs) csv += CsvRow(pair, evidence);
   return csv;
 }
 
@@ -267,6 +286,19 @@ std::string SummaryTable(const EvaluationSummary& summary) {
          AngleTable(summary) + "\n" + ObjectTable(summary) +
          "\nConfidence against rotation errors below 30 degrees; expected calibration error " +
          Cell(summary.calibration.expected_error, 3) + ".\n\n" + CalibrationTable(summary);
+}
+
+std::string ComparisonTable(std::span<const EvaluationSummary> summaries) {
+  std::string table = Header({"method", "R@15", "R@30", "t@15", "t@30", "median R", "failures", "calibration error", "seconds a pair"});
+  for (const EvaluationSummary& summary : summaries) {
+    std::vector<std::string> cells{NameCell(summary.method)};
+    for (std::string& cell : BreakdownCells(summary.rotation, summary.translation)) cells.push_back(std::move(cell));
+    cells.push_back(std::to_string(summary.failures));
+    cells.push_back(Cell(summary.calibration.expected_error, 3));
+    cells.push_back(Cell(summary.seconds_per_pair, 3));
+    table += Row(cells);
+  }
+  return table;
 }
 
 void WriteEvaluation(const EvaluationResult& result, const std::filesystem::path& folder) {

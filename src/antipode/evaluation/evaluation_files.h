@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 
 #include "antipode/evaluation/evaluation.h"
@@ -16,9 +17,13 @@ namespace antipode {
 /// @throws Error naming the file that cannot be written
 void WriteEvaluation(const EvaluationResult& result, const std::filesystem::path& folder);
 
+/// One row a method: accuracy of rotation and translation, failures, calibration error, seconds.
+std::string ComparisonTable(std::span<const EvaluationSummary> summaries);
+
 /// Columns: object, reference, query, angle_deg (between the views, from the object's centre),
 /// rotation_error_deg, translation_error_deg, confidence, seconds, rotation_deg (of the true
-/// rotation), failed (0 or 1), likely_hypotheses, truth_among_likely (0 or 1), swap_difference_deg.
+/// rotation), failed (0 or 1), likely_hypotheses, truth_among_likely (0 or 1), swap_difference_deg,
+/// matching_error_deg, then one of every name in `EvaluatedPair::evidence`.
 std::string PairsCsv(const EvaluationResult& result);
 
 /// {"pairs": N, "rotation": {"acc15", "acc30", "median", "acc15_interval": [low, high], ..},

@@ -67,9 +67,9 @@ TwoViewPose PoseWith(const Rigid3& query_from_reference, double confidence = 0.5
 }
 
 PoseMethod Oracle(const SyntheticDataset& dataset) {
-  return {"oracle", [&](const ObjectPhotograph& reference, const ObjectPhotograph& query) {
+  return OnPhotographs("oracle", [&](const ObjectPhotograph& reference, const ObjectPhotograph& query) {
             return PoseWith(dataset.Truth(reference, query));
-          }};
+          });
 }
 
 template <typename Check>
@@ -99,9 +99,9 @@ TEST(Evaluate, OracleHasNoError) {
 
 TEST(Evaluate, IdentityErrsByTheTrueRotation) {
   const SyntheticDataset dataset = RandomDataset(12, 2);
-  const PoseMethod identity{"identity", [](const ObjectPhotograph&, const ObjectPhotograph&) {
+  const PoseMethod identity = OnPhotographs("identity", [](const ObjectPhotograph&, const ObjectPhotograph&) {
                               return PoseWith(Rigid3{});
-                            }};
+                            });
   ForEachPair(Evaluate(dataset, identity), [](const EvaluatedPair& pair) {
     EXPECT_NEAR(pair.rotation_error_deg, pair.rotation_deg, 1e-9);
     EXPECT_DOUBLE_EQ(pair.translation_error_deg.value(), 180);  // zero has no direction
@@ -110,13 +110,13 @@ TEST(Evaluate, IdentityErrsByTheTrueRotation) {
 
 TEST(Evaluate, KnownErrorsAreFound) {
   const SyntheticDataset dataset = RandomDataset(12, 3);
-  const PoseMethod off_by_20{"off", [&](const auto& reference, const auto& query) {
+  const PoseMethod off_by_20 = OnPhotographs("off", [&](const auto& reference, const auto& query) {
                                Rigid3 pose = dataset.Truth(reference, query);
                                pose.rotation =
                                    RotationAboutX(RadiansFromDegrees(20)) * pose.rotation;
                                pose.translation *= -3;
                                return PoseWith(pose, 0.7);
-                             }};
+                             });
   ForEachPair(Evaluate(dataset, off_by_20), [](const EvaluatedPair& pair) {
     EXPECT_NEAR(pair.rotation_error_deg, 20, 1e-6);
     EXPECT_NEAR(pair.translation_error_deg.value(), 180, 1e-5);
@@ -141,11 +141,11 @@ TEST(Evaluate, AngleIsSeenFromTheObjectAndIgnoresRoll) {
 TEST(Evaluate, ExceptionsAreFailures) {
   const SyntheticDataset dataset = RandomDataset(5, 4);
   int calls = 0;
-  const PoseMethod fails_at_first{"flaky", [&](const auto& reference, const auto& query) {
+  const PoseMethod fails_at_first = OnPhotographs("flaky", [&](const auto& reference, const auto& query) {
                                     if (calls++ == 0)
                                       throw std::runtime_error("no object\nbacktrace");
                                     return PoseWith(dataset.Truth(reference, query));
-                                  }};
+                                  });
   const EvaluationResult result = Evaluate(dataset, fails_at_first);
   const EvaluatedPair& failed = result.objects[0].pairs[0];
   EXPECT_TRUE(failed.failed);
@@ -158,13 +158,13 @@ TEST(Evaluate, ExceptionsAreFailures) {
 
 TEST(Evaluate, ResultsThatAreNotFiniteCountAsWrong) {
   const SyntheticDataset dataset = RandomDataset(3, 5);
-  const PoseMethod broken{"broken", [](const ObjectPhotograph&, const ObjectPhotograph&) {
+  const PoseMethod broken = OnPhotographs("broken", [](const ObjectPhotograph&, const ObjectPhotograph&) {
                             const double nan = std::numeric_limits<double>::quiet_NaN();
                             Rigid3 pose;
                             pose.rotation(0, 0) = nan;
                             pose.translation.setConstant(nan);
                             return PoseWith(pose, nan);
-                          }};
+                          });
   ForEachPair(Evaluate(dataset, broken, {.check_swap = true}), [](const EvaluatedPair& pair) {
     EXPECT_EQ(pair.rotation_error_deg, 180);
     EXPECT_EQ(pair.translation_error_deg, 180);
@@ -178,19 +178,19 @@ TEST(Evaluate, TranslationErrorOfPureRotationIsUndefined) {
   const SyntheticDataset dataset({pose, pose});
   const EvaluationResult result = Evaluate(dataset, Oracle(dataset));
   EXPECT_FALSE(result.objects[0].pairs[0].translation_error_deg.has_value());
-  const PoseMethod fails{
+  const PoseMethod fails = OnPhotographs(
       "fails", [](const ObjectPhotograph&, const ObjectPhotograph&) -> TwoViewPose {
         throw std::runtime_error("no");
-      }};
+      });
   EXPECT_FALSE(Evaluate(dataset, fails).objects[0].pairs[0].translation_error_deg.has_value());
 }
 
 TEST(Evaluate, InterruptionIsPassedOn) {
   const SyntheticDataset dataset = RandomDataset(3, 6);
-  const PoseMethod interrupted{
+  const PoseMethod interrupted = OnPhotographs(
       "interrupted", [](const ObjectPhotograph&, const ObjectPhotograph&) -> TwoViewPose {
         throw Interrupted("work", "was interrupted");
-      }};
+      });
   EXPECT_THROW(Evaluate(dataset, interrupted), Interrupted);
   const auto stop = [](const Progress& progress) {
     if (progress.done == 2) throw Interrupted("work", "was interrupted");
@@ -216,23 +216,23 @@ TEST(Evaluate, LikelyHypothesesAreCounted) {
     pose.rotation = pose.rotation * RotationAboutY(RadiansFromDegrees(degrees));
     return pose;
   };
-  const PoseMethod second_is_right{"two", [&](const auto& reference, const auto& query) {
+  const PoseMethod second_is_right = OnPhotographs("two", [&](const auto& reference, const auto& query) {
                                      TwoViewPose pose = PoseWith(turned(reference, query, 170));
                                      pose.hypotheses = {{turned(reference, query, 170), 0.6},
                                                         {turned(reference, query, 29), 0.1},
                                                         {turned(reference, query, 90), 0.09}};
                                      return pose;
-                                   }};
+                                   });
   ForEachPair(Evaluate(dataset, second_is_right), [](const EvaluatedPair& pair) {
     EXPECT_EQ(pair.likely_hypotheses, 2);
     EXPECT_TRUE(pair.truth_among_likely);
   });
-  const PoseMethod unlikely{"unlikely", [&](const auto& reference, const auto& query) {
+  const PoseMethod unlikely = OnPhotographs("unlikely", [&](const auto& reference, const auto& query) {
                               TwoViewPose pose = PoseWith(turned(reference, query, 0));
                               pose.hypotheses = {{turned(reference, query, 31), 0.6},
                                                  {turned(reference, query, 0), 0.099}};
                               return pose;
-                            }};
+                            });
   ForEachPair(Evaluate(dataset, unlikely), [](const EvaluatedPair& pair) {
     EXPECT_EQ(pair.likely_hypotheses, 1);
     EXPECT_FALSE(pair.truth_among_likely);
@@ -245,11 +245,11 @@ TEST(Evaluate, SwapDifferenceIsZeroForConsistentMethodsOnly) {
               [](const EvaluatedPair& pair) {
                 EXPECT_NEAR(pair.swap_difference_deg.value(), 0, 1e-6);
               });
-  const PoseMethod constant{"constant", [](const ObjectPhotograph&, const ObjectPhotograph&) {
+  const PoseMethod constant = OnPhotographs("constant", [](const ObjectPhotograph&, const ObjectPhotograph&) {
                               Rigid3 pose;
                               pose.rotation = RotationAboutZ(RadiansFromDegrees(10));
                               return PoseWith(pose);
-                            }};
+                            });
   ForEachPair(Evaluate(dataset, constant, {.check_swap = true}), [](const EvaluatedPair& pair) {
     EXPECT_NEAR(pair.swap_difference_deg.value(), 20, 1e-6);
   });
@@ -257,11 +257,11 @@ TEST(Evaluate, SwapDifferenceIsZeroForConsistentMethodsOnly) {
 
 TEST(Evaluate, StageTimesAreAddedUp) {
   const SyntheticDataset dataset = RandomDataset(4, 10);
-  const PoseMethod timed{"timed", [](const ObjectPhotograph&, const ObjectPhotograph&) {
+  const PoseMethod timed = OnPhotographs("timed", [](const ObjectPhotograph&, const ObjectPhotograph&) {
                            TwoViewPose pose = PoseWith(Rigid3{});
                            pose.timings_s = {{"crop", 0.25}, {"encode", 2}};
                            return pose;
-                         }};
+                         });
   const EvaluationResult result = Evaluate(dataset, timed);
   EXPECT_DOUBLE_EQ(result.objects[0].stage_seconds.at("crop"), 0.75);
   EXPECT_DOUBLE_EQ(result.objects[1].stage_seconds.at("encode"), 6);

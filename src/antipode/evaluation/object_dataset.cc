@@ -41,7 +41,8 @@ std::vector<SceneView> SceneViews(std::vector<ProtocolView> rendered) {
   std::vector<SceneView> views;
   for (ProtocolView& view : rendered) {
     views.push_back({std::to_string(views.size()),
-                     {std::move(view.rendering.image), std::move(view.rendering.mask), view.camera},
+                     {std::move(view.rendering.image), std::move(view.rendering.mask), view.camera,
+                      std::move(view.rendering.depth)},
                      view.camera_from_object});
   }
   return views;

@@ -14,6 +14,14 @@ namespace {
 constexpr double kTrustedDirectionDeg = 10;  // of the translation, by the covariance
 constexpr double kSameModeDeg = 30;
 
+/// Printed by scripts/fit_matching_probability.py.
+struct MatchingWeights {
+  double constant, inliers, share, deviation, disagreement;
+};
+constexpr MatchingWeights kWithPrior{-2.0, 1.2, 1.0, -0.3, -0.3};
+constexpr double kPriorMassWeight = 0.5;
+constexpr MatchingWeights kWithoutPrior{-4.0, 1.2, 1.0, -0.3, -0.3};
+
 /// Seconds since the last call, filed under a name.
 class Stopwatch {
  public:
@@ -69,9 +77,9 @@ MatchedViews Match(const Matcher& matcher, const CroppedPair& views, const ViewM
   result.evidence["matches"] = static_cast<double>(matched.correspondences.size());
   result.evidence["inliers"] = matched.geometry.inliers;
   if (matched.geometry.status == TwoViewStatus::kPlanar)
-    result.warnings.push_back("matching: all matches lie on one plane, the pose may be its mirror solution");
+    result.warnings.emplace_back("matching: all matches lie on one plane, the pose may be its mirror solution");
   if (matched.geometry.status == TwoViewStatus::kPureRotation)
-    result.warnings.push_back("matching: the matches show no parallax, the translation is that of the crops");
+    result.warnings.emplace_back("matching: the matches show no parallax, the translation is that of the crops");
   return matched;
 }
 
@@ -85,11 +93,20 @@ Rigid3 ComposeFromMatches(const CroppedPair& views, const TwoViewGeometry& geome
   return pose;
 }
 
+double TranslationDisagreementDeg(const CroppedPair& views, const Rigid3& between_crops) {
+  const Rigid3 pose = ComposeFromCrops(views[0], views[1], between_crops.rotation);
+  const Eigen::Vector3d direction = views[1].crop_from_camera.transpose() * between_crops.translation;
+  return DegreesFromRadians(std::atan2(direction.cross(pose.translation).norm(), direction.dot(pose.translation)));
+}
+
 /// The probability of the pose of matching, filed with all that went into it.
-double Weigh(const MatchedViews& matched, std::optional<double> prior_mass, TwoViewPose& result) {
+double Weigh(const CroppedPair& views, const MatchedViews& matched, std::optional<double> prior_mass,
+             TwoViewPose& result) {
   const MatchingEvidence evidence{static_cast<int>(matched.correspondences.size()), matched.geometry.inliers,
-                                  std::min(matched.geometry.RotationDeviationDeg(), 180.0), prior_mass};
+                                  std::min(matched.geometry.RotationDeviationDeg(), 180.0),
+                                  TranslationDisagreementDeg(views, matched.geometry.query_from_reference), prior_mass};
   result.evidence["rotation_deviation_deg"] = evidence.rotation_deviation_deg;
+  result.evidence["translation_disagreement_deg"] = evidence.translation_disagreement_deg;
   if (prior_mass) result.evidence["prior_mass"] = *prior_mass;
   return result.evidence["matching_probability"] = MatchingProbability(evidence);
 }
@@ -104,28 +121,25 @@ std::vector<int> TurnsSuggestedBy(const std::vector<RotationMode>& modes) {
   return turns;
 }
 
-/// Beside the prior's hypotheses, which keep their worth only as far as matching is wrong.
+/// Puts the pose of matching beside the prior's hypotheses, which keep their worth only as far as matching is
+/// wrong; those near it become part of it.
 void AddMatching(const Rigid3& pose, double probability, double prior_confidence, TwoViewPose& result) {
-  const bool agree = AngleBetweenDeg(result.hypotheses.front().query_from_reference.rotation, pose.rotation) < kSameModeDeg;
-  const double confidence_otherwise = (1 - probability) * prior_confidence;
-  for (PoseHypothesis& hypothesis : result.hypotheses) hypothesis.probability *= 1 - probability;
-  double taken_over = 0;
-  std::erase_if(result.hypotheses, [&](const PoseHypothesis& hypothesis) {
-    const bool near = AngleBetweenDeg(hypothesis.query_from_reference.rotation, pose.rotation) < kSameModeDeg;
-    if (near) taken_over += hypothesis.probability;
-    return near;
-  });
-  const PoseHypothesis matching{pose, probability + taken_over, "matching"};
-  const bool first = agree || probability > confidence_otherwise;
-  result.hypotheses.insert(first ? result.hypotheses.begin() : result.hypotheses.end(), matching);
-  result.confidence = first ? probability + (agree ? confidence_otherwise : 0) : confidence_otherwise;
-}
-
-void SortAllButFirst(std::vector<PoseHypothesis>& hypotheses, int most) {
-  std::stable_sort(hypotheses.begin() + 1, hypotheses.end(), [](const PoseHypothesis& a, const PoseHypothesis& b) {
-    return a.probability > b.probability;
-  });
-  if (hypotheses.size() > static_cast<std::size_t>(most)) hypotheses.resize(most);
+  const auto is_near = [&](const PoseHypothesis& hypothesis) {
+    return AngleBetweenDeg(hypothesis.query_from_reference.rotation, pose.rotation) < kSameModeDeg;
+  };
+  const bool agree = is_near(result.hypotheses.front());
+  PoseHypothesis matching{pose, probability, "matching"};
+  for (PoseHypothesis& hypothesis : result.hypotheses) {
+    hypothesis.probability *= 1 - probability;
+    if (is_near(hypothesis)) matching.probability += hypothesis.probability;
+  }
+  std::erase_if(result.hypotheses, is_near);
+  result.hypotheses.push_back(matching);
+  std::stable_sort(result.hypotheses.begin(), result.hypotheses.end(),
+                   [](const PoseHypothesis& a, const PoseHypothesis& b) { return a.probability > b.probability; });
+  const bool matching_is_best = result.hypotheses.front().source == "matching";
+  const double otherwise = (1 - probability) * prior_confidence;
+  result.confidence = matching_is_best ? probability + (agree ? otherwise : 0) : otherwise;
 }
 
 }  // namespace
@@ -164,7 +178,7 @@ TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograp
     throw Error("matching", "found too few consistent matches (" + std::to_string(matched.correspondences.size()) + " in all)",
                 "use --method auto, which also knows what the object's other sides may look like");
   result.query_from_reference = ComposeFromMatches(views, matched.geometry);
-  result.confidence = Weigh(matched, std::nullopt, result);
+  result.confidence = Weigh(views, matched, std::nullopt, result);
   result.hypotheses = {{result.query_from_reference, result.confidence, "matching"}};
   Keep(std::move(views), result);
   return result;
@@ -187,8 +201,8 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   const MatchedViews matched = Match(matcher, large, matching, result);
   if (matched.geometry.status != TwoViewStatus::kTooFewMatches) {
     const double mass = prior.MassAround(opinion.codes[0], opinion.codes[1], matched.geometry.query_from_reference.rotation);
-    AddMatching(ComposeFromMatches(large, matched.geometry), Weigh(matched, mass, result), prior_confidence, result);
-    SortAllButFirst(result.hypotheses, options.hypotheses);
+    AddMatching(ComposeFromMatches(large, matched.geometry), Weigh(large, matched, mass, result), prior_confidence, result);
+    if (result.hypotheses.size() > static_cast<std::size_t>(options.hypotheses)) result.hypotheses.resize(options.hypotheses);
   }
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   Keep(std::move(small), result);
@@ -199,10 +213,13 @@ double MatchingProbability(const MatchingEvidence& evidence) {
   const double inliers = std::log1p(evidence.inliers);
   const double share = evidence.inliers / std::max(1.0, static_cast<double>(evidence.matches));
   const double deviation = std::log(std::clamp(evidence.rotation_deviation_deg, 0.01, 180.0));
-  const double log_odds =
-      evidence.prior_mass
-          ? -4.0 + 1.2 * inliers + 1.0 * share - 0.3 * deviation + 0.5 * (LogOdds(*evidence.prior_mass) + 4)
-          : -4.0 + 1.2 * inliers + 1.0 * share - 0.3 * deviation;
+  const double disagreement = std::log1p(evidence.translation_disagreement_deg);
+  const auto weighted = [&](const MatchingWeights& w) {
+    return w.constant + w.inliers * inliers + w.share * share + w.deviation * deviation + w.disagreement * disagreement;
+  };
+  const double log_odds = evidence.prior_mass
+                              ? weighted(kWithPrior) + kPriorMassWeight * LogOdds(*evidence.prior_mass)
+                              : weighted(kWithoutPrior);
   return 1 / (1 + std::exp(-log_odds));
 }
 

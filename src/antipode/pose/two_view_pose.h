@@ -20,6 +20,7 @@ struct ObjectPhotograph {
   cv::Mat image;                      ///< 8UC3, RGB
   cv::Mat mask;                       ///< 8UC1, > 125 is object
   PinholeCamera camera;
+  cv::Mat depth{};                    ///< 32FC1 along the optical axis, 0 where unknown; empty if there is none
 };
 
 struct PoseHypothesis {
@@ -36,7 +37,8 @@ struct TwoViewPose {
   ObjectView reference, query;             ///< the object-centric crops that were compared
   std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match"
   /// What speaks for the pose. With matching: "matches", "inliers", "rotation_deviation_deg",
-  /// "matching_probability"; with prior and matching: "prior_mass" around the pose of matching.
+  /// "translation_disagreement_deg", "matching_probability"; with prior and matching: "prior_mass" around the pose
+  /// of matching. See MatchingEvidence.
   std::map<std::string, double> evidence;
   std::vector<std::string> warnings;
 };
@@ -69,6 +71,9 @@ struct MatchingEvidence {
   int matches = 0;
   int inliers = 0;
   double rotation_deviation_deg = 180;  ///< see TwoViewGeometry
+  /// Angle between the translation of the matches and that of the crops with the rotation of the matches: both
+  /// cameras look at the object, so a wrong essential matrix rarely agrees.
+  double translation_disagreement_deg = 180;
   /// Posterior mass of the prior within 15 degrees of the rotation; nothing without a prior.
   std::optional<double> prior_mass;
 };

@@ -11,22 +11,6 @@
 namespace antipode {
 namespace {
 
-cv::Mat Turned(const cv::Mat& image, int quarter_turns) {
-  cv::Mat turned;
-  switch (quarter_turns) {
-    case 1: cv::rotate(image, turned, cv::ROTATE_90_CLOCKWISE); return turned;
-    case 2: cv::rotate(image, turned, cv::ROTATE_180); return turned;
-    case 3: cv::rotate(image, turned, cv::ROTATE_90_COUNTERCLOCKWISE); return turned;
-    default: return image;
-  }
-}
-
-/// Where a pixel of the square image lay before it was turned.
-Eigen::Vector2d TurnedBack(Eigen::Vector2d pixel, int quarter_turns, double side) {
-  for (int i = 0; i < quarter_turns; ++i) pixel = {pixel.y(), side - pixel.x()};
-  return pixel;
-}
-
 bool IsOnObject(const cv::Mat& mask, const Eigen::Vector2d& pixel) {
   const cv::Point cell(static_cast<int>(std::floor(pixel.x())), static_cast<int>(std::floor(pixel.y())));
   return cv::Rect({0, 0}, mask.size()).contains(cell) && mask.at<std::uint8_t>(cell) > 125;
@@ -34,10 +18,10 @@ bool IsOnObject(const cv::Mat& mask, const Eigen::Vector2d& pixel) {
 
 Correspondences MatchTurned(const Matcher& matcher, const ObjectView& reference, const ObjectView& query,
                             int quarter_turns) {
-  const Correspondences found = matcher.Match(reference.image, Turned(query.image, quarter_turns));
+  const Correspondences found = matcher.Match(reference.image, QuarterTurned(query.image, quarter_turns));
   Correspondences kept;
   for (std::size_t i = 0; i < found.size(); ++i) {
-    const Eigen::Vector2d in_query = TurnedBack(found.query[i], quarter_turns, query.image.cols);
+    const Eigen::Vector2d in_query = TurnPixel(found.query[i], 4 - quarter_turns, query.image.cols);
     if (!IsOnObject(reference.mask, found.reference[i]) || !IsOnObject(query.mask, in_query)) continue;
     kept.reference.push_back(found.reference[i]);
     kept.query.push_back(in_query);
@@ -66,6 +50,21 @@ MatchedViews MatchObjectViews(const Matcher& matcher, const ObjectView& referenc
     if (best.geometry.inliers >= options.enough_inliers) break;
   }
   return best;
+}
+
+cv::Mat QuarterTurned(const cv::Mat& image, int quarter_turns) {
+  cv::Mat turned;
+  switch (quarter_turns) {
+    case 1: cv::rotate(image, turned, cv::ROTATE_90_CLOCKWISE); return turned;
+    case 2: cv::rotate(image, turned, cv::ROTATE_180); return turned;
+    case 3: cv::rotate(image, turned, cv::ROTATE_90_COUNTERCLOCKWISE); return turned;
+    default: return image;
+  }
+}
+
+Eigen::Vector2d TurnPixel(Eigen::Vector2d pixel, int quarter_turns, double side) {
+  for (int i = 0; i < quarter_turns; ++i) pixel = {side - pixel.y(), pixel.x()};
+  return pixel;
 }
 
 int QuarterTurnsUndoing(const Eigen::Matrix3d& rotation) {

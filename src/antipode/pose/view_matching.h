@@ -2,6 +2,9 @@
 
 #include <vector>
 
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+
 #include "antipode/matching/matcher.h"
 #include "antipode/matching/two_view_geometry.h"
 #include "antipode/object/object_view.h"
@@ -27,6 +30,12 @@ struct MatchedViews {
 /// Matches two crops, the query turned in steps of 90 degrees, and keeps the turn with the most inliers.
 MatchedViews MatchObjectViews(const Matcher& matcher, const ObjectView& reference, const ObjectView& query,
                               const ViewMatchingOptions& options = {});
+
+/// The picture turned clockwise by 0 to 3 quarter turns, without copying for 0.
+cv::Mat QuarterTurned(const cv::Mat& image, int quarter_turns);
+
+/// Where a pixel of a square picture goes when that is turned clockwise by `quarter_turns`.
+Eigen::Vector2d TurnPixel(Eigen::Vector2d pixel, int quarter_turns, double side);
 
 /// The quarter turns clockwise of the query, 0 to 3, that undo the in-plane part of a rotation: the rotation
 /// about the optical axis nearest to R turns by atan2(R_21 - R_12, R_11 + R_22).
