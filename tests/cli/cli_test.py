@@ -15,7 +15,7 @@ import time
 
 from program import Program, expect, mask, photo, require_files, run_checks
 
-COMMANDS = ("pose", "render", "evaluate", "train prior", "models list", "models verify", "models import", "doctor")
+COMMANDS = ("pose", "match", "render", "evaluate", "train prior", "models list", "models verify", "models import", "doctor")
 KEYS = {
     "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "reference",
          "query", "timings_s", "warnings"),
@@ -105,6 +105,22 @@ class Contract:
         camera = result["reference"]["camera"]
         expect(camera["source"] == "given" and camera["width"] == 96, camera)
         expect(abs(camera["fx"] - 48 / math.tan(math.radians(20))) < 1e-9, camera)
+
+    def check_methods(self):
+        for method in ("auto", "prior"):
+            expect(self.pose("--method", method)["method"] == method, method)
+        done = self.program.run("pose", self.a, self.b, "--method", "machting")
+        expect(done.returncode == 2 and "did you mean matching?" in done.stderr, done.stderr)
+
+    def check_match(self):
+        picture = self.folder / "matches.png"
+        run = ("match", self.a, self.a, "--matcher", "sift", "--visualize", picture)
+        result = json.loads(self.succeed(*run, "--json", "-", "--reference-camera", "fov=40", "--query-camera", "fov=40"))
+        expect(result["matches"] == len(result["correspondences"]) and result["inliers"] <= result["matches"], result)
+        for match in result["correspondences"]:
+            expect(math.dist(match["reference"], match["query"]) < 1, match)
+        expect(picture.read_bytes().startswith(b"\x89PNG"), "no picture")
+        expect("matches" in self.succeed(*run, "--quiet") + self.succeed(*run), "no text")
 
     def check_same_picture(self):
         result = self.pose(query=self.a)["query_from_reference"]

@@ -3,13 +3,14 @@
 
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
+#include "antipode/cli/pose_methods.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/evaluation/dataset.h"
 #include "antipode/evaluation/evaluation.h"
 #include "antipode/evaluation/evaluation_files.h"
 #include "antipode/evaluation/evaluation_summary.h"
-#include "antipode/nn/device.h"
 #include "antipode/util/error.h"
+#include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
 
@@ -26,7 +27,7 @@ class EvaluateCommand : public Command {
   std::string Summary() const override { return "Accuracy on objects or photographs with known poses"; }
   std::string Example() const override {
     return "  antipode evaluate --dataset objects --root meshes --split test --out results\n"
-           "  antipode evaluate --dataset photos --root photos --out results";
+           "  antipode evaluate --dataset photos --root photos --method auto,prior,matching,sift --out results";
   }
 
   void DeclareOptions(CLI::App& app) override {
@@ -34,11 +35,13 @@ class EvaluateCommand : public Command {
         ->required()->type_name("objects|photos");
     app.add_option("--root", root_, "Folder of the data set")->required()->type_name("DIR");
     app.add_option("--split", split_, "Use this folder in the root, for example test")->type_name("NAME");
-    app.add_option("--method", method_, "prior: the built-in equivariant object prior")->capture_default_str()
-        ->type_name("NAME");
-    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder")
-        ->capture_default_str()->type_name("NAME|FOLDER");
-    app.add_option("--out", out_, "Folder for pairs.csv, summary.json and table.md")->type_name("DIR");
+    method_.Declare(app);
+    app.get_option("--method")
+        ->description("One or more, separated by commas: auto, prior, matching, the name of a matcher, "
+                      "MATCHER+depth-pnp, MATCHER+depth-procrustes, predictions=FILE.csv")
+        ->type_name("NAMES");
+    app.add_option("--out", out_, "Folder for pairs.csv, summary.json and table.md; with several methods, one folder for each")
+        ->type_name("DIR");
     app.add_option("--views", protocol_.views, "Views of each object: one reference, the others are queries")
         ->capture_default_str()->type_name("N")->group("Data set objects");
     app.add_option("--image-size", protocol_.image_size, "Side of the pictures, pixels")->capture_default_str()
@@ -50,19 +53,16 @@ class EvaluateCommand : public Command {
 
   void Run() override {
     common_.Apply();
-    if (method_ != "prior") throw InvalidOption("--method", Quoted(method_) + " is unknown", "use prior");
     const std::unique_ptr<Dataset> dataset = OpenDataset();
-    const ObjectPrior prior = ObjectPrior::Load(model_, SelectDevice(common_.device));
-    const EvaluationResult result = Evaluate(*dataset, prior);
-    if (!out_.empty()) WriteEvaluation(result, out_);
-    const EvaluationSummary summary = Summarize(result);
-    common_.WriteJson(nlohmann::ordered_json::parse(SummaryJson(summary)));
-    if (!common_.PrintsText()) return;
-    std::cout << SummaryTable(summary);
-    if (out_.empty()) {
-      std::cout << "\nNext: --out DIR keeps every pair, the summary and this table.\n";
+    MethodRequest request = method_;
+    request.device = common_.device;
+    const std::vector<PoseMethod> methods = LoadPoseMethods(request);
+    if (methods.empty()) throw InvalidOption("--method", "is empty", "name at least one method");
+    const std::vector<EvaluationResult> results = Evaluate(*dataset, methods);
+    if (results.size() == 1) {
+      ReportOne(results.front());
     } else {
-      std::cout << "\nWritten: pairs.csv, summary.json and table.md in " << out_ << "\n";
+      ReportSeveral(results);
     }
   }
 
@@ -76,21 +76,56 @@ class EvaluateCommand : public Command {
     throw InvalidOption("--dataset", Quoted(dataset_) + " is unknown", "use objects or photos");
   }
 
-  EvaluationResult Evaluate(const Dataset& dataset, const ObjectPrior& prior) const {
-    const PoseMethod method{
-        method_, [&](const ObjectPhotograph& reference, const ObjectPhotograph& query) {
-          return EstimatePose(prior, reference, query);
-        }};
+  std::vector<EvaluationResult> Evaluate(const Dataset& dataset, const std::vector<PoseMethod>& methods) const {
     ProgressLine line(common_.ProgressMode());
-    return antipode::Evaluate(dataset, method, options_, [&](const Progress& progress) {
+    return antipode::Evaluate(dataset, methods, options_, [&](const Progress& progress) {
       ThrowIfInterrupted();
       line.Show(progress);
     });
   }
 
+  void ReportOne(const EvaluationResult& result) const {
+    if (!out_.empty()) WriteEvaluation(result, out_);
+    const EvaluationSummary summary = Summarize(result);
+    common_.WriteJson(nlohmann::ordered_json::parse(SummaryJson(summary)));
+    if (!common_.PrintsText()) return;
+    std::cout << SummaryTable(summary);
+    PrintWhereItIs("pairs.csv, summary.json and table.md in " + out_);
+  }
+
+  void ReportSeveral(const std::vector<EvaluationResult>& results) const {
+    std::vector<EvaluationSummary> summaries;
+    nlohmann::ordered_json json = nlohmann::ordered_json::array();
+    for (const EvaluationResult& result : results) {
+      if (!out_.empty()) WriteEvaluation(result, fs::path(out_) / FolderName(result.method));
+      summaries.push_back(Summarize(result));
+      json.push_back(nlohmann::ordered_json::parse(SummaryJson(summaries.back())));
+    }
+    const std::string table = ComparisonTable(summaries);
+    if (!out_.empty()) WriteFileAtomically(fs::path(out_) / "table.md", table);
+    common_.WriteJson({{"methods", json}});
+    if (!common_.PrintsText()) return;
+    std::cout << table;
+    PrintWhereItIs("table.md and a folder for each method in " + out_);
+  }
+
+  /// Anything but letters, digits, '.', '+' and '-' could mean something to a file system.
+  static std::string FolderName(std::string method) {
+    for (char& c : method)
+      if (!std::isalnum(static_cast<unsigned char>(c)) && c != '.' && c != '+' && c != '-') c = '_';
+    return method;
+  }
+
+  void PrintWhereItIs(const std::string& files) const {
+    if (out_.empty()) {
+      std::cout << "\nNext: --out DIR keeps every pair, the summary and this table.\n";
+    } else {
+      std::cout << "\nWritten: " << files << "\n";
+    }
+  }
+
   std::string dataset_, root_, split_, out_;
-  std::string method_ = "prior";
-  std::string model_ = "prior";
+  MethodRequest method_;
   bool rotated_ = false;
   ObjectProtocolOptions protocol_;
   EvaluationOptions options_;

@@ -4,15 +4,13 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/photograph_input.h"
+#include "antipode/cli/pose_methods.h"
 #include "antipode/cli/pose_result.h"
 #include "antipode/cli/process_clock.h"
 #include "antipode/image/load.h"
-#include "antipode/nn/device.h"
-#include "antipode/pose/two_view_pose.h"
 #include "antipode/report/pose_picture.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
-#include "antipode/util/quote.h"
 
 namespace antipode {
 namespace {
@@ -31,10 +29,8 @@ class PoseCommand : public Command {
   void DeclareOptions(CLI::App& app) override {
     reference_.Declare(app, "reference");
     query_.Declare(app, "query");
-    app.add_option("--method", method_, "prior: the built-in equivariant object prior")->capture_default_str()->type_name("NAME");
-    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder")
-        ->capture_default_str()->type_name("NAME|FOLDER");
-    app.add_option("--hypotheses", options_.hypotheses, "How many poses to list at most, 1 to 50")
+    method_.Declare(app);
+    app.add_option("--hypotheses", method_.options.hypotheses, "How many poses to list at most, 1 to 50")
         ->capture_default_str()->type_name("N");
     app.add_option("--object-size", object_size_,
                    "Diameter of the object in metres; translations are then in metres instead of object radii")
@@ -57,26 +53,27 @@ class PoseCommand : public Command {
 
  private:
   void Check() const {
-    options_.Check();
-    if (method_ != "prior") throw InvalidOption("--method", Quoted(method_) + " is unknown", "use prior");
+    method_.options.Check();
     if (object_size_ && !(*object_size_ > 0 && std::isfinite(*object_size_)))
       throw InvalidOption("--object-size", "is not a positive number", "give the object's diameter in metres");
   }
 
   PoseResult Estimate() const {
-    const torch::Device device = SelectDevice(common_.device);
-    auto prior_loading = std::async(std::launch::async, [&] { return ObjectPrior::Load(model_, device); });
+    MethodRequest request = method_;
+    request.device = common_.device;
+    auto method_loading = std::async(std::launch::async, [&] { return LoadPoseMethod(request); });
     auto query_loading = std::async(std::launch::async, [&] { return LoadPhotograph(query_, "query"); });
     PoseResult result;
-    result.method = method_;
-    result.model = model_;
+    result.method = method_.method;
+    result.model = method_.model;
     result.object_size = object_size_;
     result.reference = LoadPhotograph(reference_, "reference");
     result.query = query_loading.get();
-    const ObjectPrior prior = prior_loading.get();
+    const PoseMethod method = method_loading.get();
     ThrowIfInterrupted();
     result.load_seconds = SecondsSinceProcessStart();
-    result.pose = EstimatePose(prior, result.reference.photograph, result.query.photograph, options_);
+    const SceneView reference{"reference", result.reference.photograph, {}}, query{"query", result.query.photograph, {}};
+    result.pose = method.estimate({"photographs", reference, query});
     result.total_seconds = SecondsSinceProcessStart();
     return result;
   }
@@ -91,9 +88,7 @@ class PoseCommand : public Command {
   }
 
   PhotographRequest reference_, query_;
-  std::string method_ = "prior";
-  std::string model_ = "prior";
-  TwoViewPoseOptions options_;
+  MethodRequest method_;
   std::optional<double> object_size_;
   std::optional<std::string> picture_;
   CommonOptions common_;

@@ -33,6 +33,7 @@ class CommandTable {
     root_.footer("'antipode COMMAND --help' tells more, with an example.");
     root_.require_subcommand(1);
     Declare(root_, MakePoseCommand());
+    Declare(root_, MakeMatchCommand());
     Declare(root_, MakeRenderCommand());
     Declare(root_, MakeEvaluateCommand());
     Declare(root_, MakeTrainCommand());

@@ -1,0 +1,47 @@
+#include "antipode/matching/matchers.h"
+
+#include <functional>
+#include <map>
+
+#include "antipode/matching/xfeat_matcher.h"
+#include "antipode/util/error.h"
+#include "antipode/util/quote.h"
+#include "antipode/util/suggest.h"
+
+namespace antipode {
+namespace {
+
+using Maker = std::function<std::unique_ptr<Matcher>(torch::Device)>;
+
+std::unique_ptr<Matcher> MakeXFeat(XFeatDensity density, torch::Device device) {
+  return std::make_unique<XFeatMatcher>(XFeatMatcher::Load(kXFeatLighterGlueModel, density, {}, device));
+}
+
+const std::vector<std::pair<std::string, Maker>>& Table() {
+  static const std::vector<std::pair<std::string, Maker>> kTable{
+      {"xfeat-lighterglue",
+       [](torch::Device device) {
+         return std::make_unique<XFeatLighterGlueMatcher>(XFeatLighterGlueMatcher::Load(kXFeatLighterGlueModel, {}, device));
+       }},
+      {"xfeat", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSparse, device); }},
+      {"xfeat-star", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSemiDense, device); }},
+  };
+  return kTable;
+}
+
+}  // namespace
+
+std::vector<std::string> MatcherNames() {
+  std::vector<std::string> names;
+  for (const auto& [name, make] : Table()) names.push_back(name);
+  return names;
+}
+
+std::unique_ptr<Matcher> MakeMatcher(const std::string& name, torch::Device device) {
+  for (const auto& [known, make] : Table())
+    if (known == name) return make(device);
+  const std::string nearest = NearestName(name, MatcherNames());
+  throw InvalidOption("matcher", Quoted(name) + " is unknown", nearest.empty() ? "see --help" : "did you mean " + nearest + "?");
+}
+
+}  // namespace antipode
