@@ -18,9 +18,9 @@ constexpr double kSameModeDeg = 30;
 struct MatchingWeights {
   double constant, inliers, share, deviation, disagreement;
 };
-constexpr MatchingWeights kWithPrior{-2.0, 1.2, 1.0, -0.3, -0.3};
-constexpr double kPriorMassWeight = 0.5;
-constexpr MatchingWeights kWithoutPrior{-4.0, 1.2, 1.0, -0.3, -0.3};
+constexpr MatchingWeights kWithPrior{-7.826, 2.263, 1.937, 0.837, -0.883};
+constexpr double kPriorMassWeight = 0.780;
+constexpr MatchingWeights kWithoutPrior{-12.966, 2.583, 3.764, 0.471, -0.839};
 
 /// Seconds since the last call, filed under a name.
 class Stopwatch {
