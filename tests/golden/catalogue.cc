@@ -4,6 +4,9 @@
 #include <cctype>
 
 #include "geometry_kinds.h"
+#ifdef ANTIPODE_NEURAL
+#include "loftr_kinds.h"
+#endif
 
 namespace antipode::golden {
 namespace {
@@ -43,7 +46,13 @@ const CatalogueEntry* FindBySignature(std::span<const CatalogueEntry> catalogue,
 
 }  // namespace
 
-std::vector<CatalogueEntry> Catalogue() { return GeometryKinds(); }
+std::vector<CatalogueEntry> Catalogue() {
+  std::vector<CatalogueEntry> entries = GeometryKinds();
+#ifdef ANTIPODE_NEURAL
+  for (CatalogueEntry& entry : LoftrKinds()) entries.push_back(std::move(entry));
+#endif
+  return entries;
+}
 
 const CatalogueEntry* FindEntry(std::span<const CatalogueEntry> catalogue,
                                 const GoldenCase& golden_case) {

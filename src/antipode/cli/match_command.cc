@@ -30,7 +30,7 @@ class MatchCommand : public Command {
   void DeclareOptions(CLI::App& app) override {
     reference_.Declare(app, "reference");
     query_.Declare(app, "query");
-    app.add_option("--matcher", matcher_, "xfeat-lighterglue, xfeat, xfeat-star, aliked-lightglue, loftr or sift")
+    app.add_option("--matcher", matcher_, "xfeat-lighterglue, xfeat, xfeat-star, loftr (imported) or sift")
         ->capture_default_str()->type_name("NAME");
     app.add_option("--size", size_, "Side of the object-centric crops that are matched, pixels")
         ->capture_default_str()->type_name("N")->check(CLI::Range(64, 2048));

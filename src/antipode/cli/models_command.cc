@@ -5,6 +5,7 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/usage_error.h"
+#include "antipode/matching/loftr_weights.h"
 #include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/efficientnet_lite.h"
 #include "antipode/report/formatted.h"
@@ -41,11 +42,18 @@ ImportedModel ImportXFeatLighterGlue(const std::string& file) {
           "published (https://github.com/verlab/accelerated_features)."};
 }
 
+ImportedModel ImportLoftr(const std::string& file) {
+  return {LoftrWeights(ReadPytorchCheckpoint(file), file),
+          "LoFTR with the dual softmax, trained on indoor scenes; matches two images without keypoints", "Apache-2.0",
+          "Checkpoint indoor_ds_new.ckpt that the authors of LoFTR published (https://github.com/zju3dv/LoFTR)."};
+}
+
 /// What can be imported, by name.
 const std::map<std::string, std::function<ImportedModel(const std::string& file)>>& ImportTable() {
   static const std::map<std::string, std::function<ImportedModel(const std::string&)>> kTable = {
       {"efficientnet-lite0", ImportEfficientNetLite0},
       {kXFeatLighterGlueModel, ImportXFeatLighterGlue},
+      {kLoftrModel, ImportLoftr},
   };
   return kTable;
 }

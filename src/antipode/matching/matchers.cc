@@ -1,12 +1,15 @@
 #include "antipode/matching/matchers.h"
 
+#include <algorithm>
 #include <functional>
-#include <map>
 
+#include "antipode/matching/loftr_matcher.h"
+#include "antipode/matching/sift.h"
 #include "antipode/matching/xfeat_matcher.h"
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
 #include "antipode/util/suggest.h"
+#include "antipode/weights/registry.h"
 
 namespace antipode {
 namespace {
@@ -17,6 +20,15 @@ std::unique_ptr<Matcher> MakeXFeat(XFeatDensity density, torch::Device device) {
   return std::make_unique<XFeatMatcher>(XFeatMatcher::Load(kXFeatLighterGlueModel, density, {}, device));
 }
 
+/// A model that does not ship has a better remedy than a list of the known ones.
+std::unique_ptr<Matcher> MakeLoftr(torch::Device device) {
+  const std::vector<ModelEntry> models = ListModels();
+  if (std::ranges::find(models, kLoftrModel, &ModelEntry::name) == models.end())
+    throw Error("model 'loftr'", "is not installed",
+                "get the authors' checkpoint, then: antipode models import loftr indoor_ds_new.ckpt");
+  return std::make_unique<LoftrMatcher>(LoftrMatcher::Load(kLoftrModel, {}, device));
+}
+
 const std::vector<std::pair<std::string, Maker>>& Table() {
   static const std::vector<std::pair<std::string, Maker>> kTable{
       {"xfeat-lighterglue",
@@ -25,6 +37,8 @@ const std::vector<std::pair<std::string, Maker>>& Table() {
        }},
       {"xfeat", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSparse, device); }},
       {"xfeat-star", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSemiDense, device); }},
+      {"loftr", MakeLoftr},
+      {"sift", [](torch::Device) { return std::make_unique<SiftMatcher>(); }},
   };
   return kTable;
 }

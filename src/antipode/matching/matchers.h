@@ -10,10 +10,10 @@
 
 namespace antipode {
 
-/// "xfeat-lighterglue", "xfeat", "xfeat-star" (semi-dense), "aliked-lightglue", "loftr", "sift".
+/// "xfeat-lighterglue", "xfeat", "xfeat-star" (semi-dense), "loftr", "sift".
 std::vector<std::string> MatcherNames();
 
-/// Loads the matcher's weights: shipped ones (XFeat, LighterGlue) or imported ones (ALIKED, LoFTR); SIFT has none.
+/// Loads the matcher's weights: shipped ones (XFeat, LighterGlue) or an imported one (LoFTR); SIFT has none.
 /// @throws InvalidOption if the name is unknown; Error saying what to import where a model is missing
 std::unique_ptr<Matcher> MakeMatcher(const std::string& name, torch::Device device = torch::kCPU);
 
