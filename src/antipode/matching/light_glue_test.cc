@@ -49,7 +49,8 @@ void ExpectGolden(const std::string& name, const LightGlueMatches& result) {
   const auto pairs =
       torch::stack({result.matches.reference, result.matches.query}, 1).to(torch::kFloat);
   EXPECT_TRUE(torch::equal(pairs, Golden("light_glue", name + ".matches"))) << name;
-  ExpectNear(result.matches.scores, Golden("light_glue", name + ".scores"));
+  // Exponentials of float32 sums, whose order depends on the processor.
+  ExpectNear(result.matches.scores, Golden("light_glue", name + ".scores"), 1e-3);
   EXPECT_EQ(result.layers, Golden("light_glue", name + ".layers").item<float>()) << name;
 }
 

@@ -28,9 +28,9 @@ inline torch::Tensor Golden(const std::string& file, const std::string& tensor) 
   return ToTorch(SafetensorsReader("tests/data/matching/" + file + ".safetensors").Read(tensor));
 }
 
-inline void ExpectNear(const torch::Tensor& value, const torch::Tensor& expected) {
+inline void ExpectNear(const torch::Tensor& value, const torch::Tensor& expected, double tolerance = 1e-4) {
   ASSERT_EQ(value.sizes(), expected.sizes());
-  EXPECT_LT(((value - expected).norm() / expected.norm()).item<double>(), 1e-4);
+  EXPECT_LT(((value - expected).norm() / expected.norm()).item<double>(), tolerance);
 }
 
 }  // namespace antipode

@@ -109,7 +109,7 @@ TEST(ObjectPrior, MirroringBothImagesMirrorsTheScores) {
   b.image = cv::Mat(64, 64, CV_8UC3);
   cv::randu(a.image, 0, 255);
   cv::randu(b.image, 0, 255);
-  ObjectView a_mirrored = a, b_mirrored = b;
+  ObjectView a_mirrored, b_mirrored;
   cv::flip(a.image, a_mirrored.image, 1);
   cv::flip(b.image, b_mirrored.image, 1);
   const auto codes = prior.Encode(std::vector{a, b}), mirrored = prior.Encode(std::vector{a_mirrored, b_mirrored});
