@@ -2,15 +2,15 @@
 # Estimates the relative pose of two photographs in demo/, compares it with the true one and draws a picture.
 #
 # usage: scripts/demo.sh [OBJECT REFERENCE QUERY]
-#   scripts/demo.sh skull 18 43         views 123 degrees apart (default)
+#   scripts/demo.sh buddha 00046 00018  views 42 degrees apart, the camera rolled (default)
 #   scripts/demo.sh skull 18 33         61 degrees
-#   scripts/demo.sh buddha 00046 00018  42 degrees
+#   scripts/demo.sh skull 18 43         123 degrees
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-object=${1:-skull}
-reference=${2:-18}
-query=${3:-43}
+object=${1:-buddha}
+reference=${2:-00046}
+query=${3:-00018}
 program=${ANTIPODE:-build/release/bin/antipode}
 mkdir -p build
 
