@@ -18,8 +18,8 @@ struct LoftrMatcherOptions {
   void Check() const;  ///< @throws InvalidOption naming the field
 };
 
-/// Correspondences by LoFTR, in grey. None in images without texture or smaller than 20 pixels on a
-/// side.
+/// Correspondences by LoFTR, in grey. None in images without texture, nor where a side of what the
+/// network sees has less than 5 cells of 8 pixels.
 class LoftrMatcher : public Matcher {
  public:
   /// @param model_or_folder a model imported as `kLoftrModel`
