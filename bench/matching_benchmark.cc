@@ -6,28 +6,16 @@
 #include <cstdlib>
 #include <exception>
 #include <iostream>
-#include <memory>
-#include <stdexcept>
 #include <string>
 
 #include <torch/torch.h>
 #include <nlohmann/json.hpp>
 
 #include "antipode/image/load.h"
-#include "antipode/matching/xfeat_matcher.h"
+#include "antipode/matching/matchers.h"
 
 namespace antipode {
 namespace {
-
-std::unique_ptr<Matcher> MakeMatcher(const std::string& name) {
-  if (name == "xfeat") return std::make_unique<XFeatMatcher>(XFeatMatcher::Load());
-  if (name == "xfeat-semi-dense")
-    return std::make_unique<XFeatMatcher>(
-        XFeatMatcher::Load(kXFeatLighterGlueModel, XFeatDensity::kSemiDense));
-  if (name == "xfeat-lighterglue")
-    return std::make_unique<XFeatLighterGlueMatcher>(XFeatLighterGlueMatcher::Load());
-  throw std::invalid_argument("no matcher is called " + name);
-}
 
 nlohmann::json Rows(const Correspondences& found) {
   auto rows = nlohmann::json::array();

@@ -55,7 +55,7 @@ def xfeat(semi_dense=False):
 
 MATCHERS = {
     "xfeat": xfeat,
-    "xfeat-semi-dense": lambda: xfeat(semi_dense=True),
+    "xfeat-star": lambda: xfeat(semi_dense=True),
     "xfeat-lighterglue": xfeat_lighterglue,
 }
 

@@ -11,6 +11,7 @@
 #include "antipode/report/formatted.h"
 #include "antipode/report/match_picture.h"
 #include "antipode/util/interrupt.h"
+#include "antipode/util/suggest.h"
 #include "antipode/util/version.h"
 
 namespace antipode {
@@ -30,7 +31,7 @@ class MatchCommand : public Command {
   void DeclareOptions(CLI::App& app) override {
     reference_.Declare(app, "reference");
     query_.Declare(app, "query");
-    app.add_option("--matcher", matcher_, "xfeat-lighterglue, xfeat, xfeat-star, loftr (imported) or sift")
+    app.add_option("--matcher", matcher_, JoinNames(MatcherNames()) + "; loftr after its import")
         ->capture_default_str()->type_name("NAME");
     app.add_option("--size", size_, "Side of the object-centric crops that are matched, pixels")
         ->capture_default_str()->type_name("N")->check(CLI::Range(64, 2048));
@@ -44,32 +45,38 @@ class MatchCommand : public Command {
     common_.Apply();
     options_.Check();
     const PhotographInput reference = LoadPhotograph(reference_, "reference"), query = LoadPhotograph(query_, "query");
-    const ObjectView reference_view = View(reference.photograph), query_view = View(query.photograph);
+    const SeenPhotograph seen_reference{View(reference.photograph), reference.photograph.camera};
+    const SeenPhotograph seen_query{View(query.photograph), query.photograph.camera};
     const auto matcher = MakeMatcher(matcher_, SelectDevice(common_.device));
     ThrowIfInterrupted();
-    const MatchedViews matched = MatchObjectViews(*matcher, reference_view, query_view, options_);
-    if (picture_) SaveImage(*picture_, DrawMatchPicture(reference_view, query_view, matched));
-    common_.WriteJson(ToJson(matched, reference.photograph, query.photograph));
+    const MatchedViews matched = MatchObjectViews(*matcher, seen_reference.view, seen_query.view, options_);
+    if (picture_) SaveImage(*picture_, DrawMatchPicture(seen_reference.view, seen_query.view, matched));
+    common_.WriteJson(ToJson(matched, seen_reference, seen_query));
     if (common_.PrintsText()) Print(matched);
   }
 
  private:
+  struct SeenPhotograph {
+    ObjectView view;
+    PinholeCamera camera;
+  };
+
   ObjectView View(const ObjectPhotograph& photograph) const {
     return MakeObjectView(photograph.image, photograph.mask, photograph.camera, {.size = size_});
   }
 
   /// Pixels of the photograph from pixels of its crop.
-  static Json InPhotograph(const Eigen::Vector2d& pixel, const ObjectView& view, const PinholeCamera& camera) {
-    const Eigen::Vector2d point = camera.Project(view.crop_from_camera.transpose() * view.camera.Ray(pixel));
+  static Json InPhotograph(const Eigen::Vector2d& pixel, const SeenPhotograph& seen) {
+    const Eigen::Vector3d ray = seen.view.crop_from_camera.transpose() * seen.view.camera.Ray(pixel);
+    const Eigen::Vector2d point = seen.camera.Project(ray);
     return {point.x(), point.y()};
   }
 
-  Json ToJson(const MatchedViews& matched, const ObjectPhotograph& reference, const ObjectPhotograph& query) const {
-    const ObjectView reference_view = View(reference), query_view = View(query);
+  Json ToJson(const MatchedViews& matched, const SeenPhotograph& reference, const SeenPhotograph& query) const {
     Json matches = Json::array();
     for (std::size_t i = 0; i < matched.correspondences.size(); ++i) {
-      matches.push_back({{"reference", InPhotograph(matched.correspondences.reference[i], reference_view, reference.camera)},
-                         {"query", InPhotograph(matched.correspondences.query[i], query_view, query.camera)},
+      matches.push_back({{"reference", InPhotograph(matched.correspondences.reference[i], reference)},
+                         {"query", InPhotograph(matched.correspondences.query[i], query)},
                          {"score", matched.correspondences.scores[i]},
                          {"inlier", matched.geometry.is_inlier[i] != 0}});
     }
@@ -80,19 +87,18 @@ class MatchCommand : public Command {
               {"inliers", matched.geometry.inliers},
               {"query_turned_deg", 90 * matched.quarter_turns}};
     if (matched.geometry.status != TwoViewStatus::kTooFewMatches)
-      json["query_from_reference"] = PoseJson(matched.geometry, reference_view, query_view);
+      json["query_from_reference"] = PoseJson(matched.geometry, reference.view, query.view);
     json["correspondences"] = std::move(matches);
     return json;
   }
 
   static Json PoseJson(const TwoViewGeometry& geometry, const ObjectView& reference, const ObjectView& query) {
-    const Eigen::Matrix3d to_camera = query.crop_from_camera.transpose();
-    const Eigen::Matrix3d rotation = to_camera * geometry.query_from_reference.rotation * reference.crop_from_camera;
-    const Eigen::Vector3d direction = to_camera * geometry.query_from_reference.translation;
-    const Eigen::Vector4d quaternion = QuaternionWxyz(rotation);
+    const Rigid3 pose = BetweenCameras(reference, query, geometry.query_from_reference);
+    const Eigen::Vector3d& direction = pose.translation;
+    const Eigen::Vector4d quaternion = QuaternionWxyz(pose.rotation);
     return {{"quaternion_wxyz", {quaternion[0], quaternion[1], quaternion[2], quaternion[3]}},
             {"translation_direction", {direction.x(), direction.y(), direction.z()}},
-            {"rotation_angle_deg", RotationAngleDeg(rotation)},
+            {"rotation_angle_deg", RotationAngleDeg(pose.rotation)},
             {"rotation_deviation_deg", std::min(geometry.RotationDeviationDeg(), 180.0)}};
   }
 

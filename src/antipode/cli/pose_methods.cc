@@ -7,6 +7,7 @@
 #include "antipode/evaluation/baselines.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
+#include "antipode/prior/object_prior.h"
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
 #include "antipode/util/suggest.h"
@@ -59,17 +60,11 @@ bool IsMatcher(const std::string& name) {
   return std::ranges::find(names, name) != names.end();
 }
 
-std::string Joined(const std::vector<std::string>& names) {
-  std::string joined;
-  for (const std::string& name : names) joined += (joined.empty() ? "" : ", ") + name;
-  return joined;
-}
-
 [[noreturn]] void RefuseMethod(const std::string& name) {
   const std::vector<std::string> names = MethodNames();
   const std::string nearest = NearestName(name, names);
   throw InvalidOption("--method", Quoted(name) + " is unknown",
-                      nearest.empty() ? "use one of " + Joined(names) : "did you mean " + nearest + "?");
+                      nearest.empty() ? "use one of " + JoinNames(names) : "did you mean " + nearest + "?");
 }
 
 }  // namespace
@@ -81,7 +76,7 @@ void MethodRequest::Declare(CLI::App& app) {
       ->capture_default_str()->type_name("NAME");
   app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
       ->capture_default_str()->type_name("NAME|FOLDER");
-  app.add_option("--matcher", matcher, Joined(MatcherNames()))->capture_default_str()->type_name("NAME");
+  app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
 }
 
 PoseMethod LoadPoseMethod(const MethodRequest& request) {

@@ -1,14 +1,11 @@
 #pragma once
 
 #include <CLI/App.hpp>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "antipode/evaluation/evaluation.h"
-#include "antipode/matching/matcher.h"
 #include "antipode/pose/two_view_pose.h"
-#include "antipode/prior/object_prior.h"
 
 namespace antipode {
 

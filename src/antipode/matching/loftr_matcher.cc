@@ -5,6 +5,8 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "antipode/matching/correspondence_list.h"
+#include "antipode/matching/network_input.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/util/error.h"
 #include "antipode/weights/registry.h"
@@ -49,23 +51,8 @@ torch::Tensor ToTensor(const cv::Mat& grey, torch::Device device) {
   return pixels.to(torch::kFloat).div_(255).to(device);
 }
 
-/// From pixel indices in what the network saw to pixels of the image, centres at integer + 0.5.
-std::vector<Eigen::Vector2d> ToImagePixels(const torch::Tensor& points, cv::Size seen,
-                                           cv::Size image) {
-  const auto values = points.to(torch::kCPU, torch::kDouble).contiguous();
-  const double* xy = values.const_data_ptr<double>();
-  std::vector<Eigen::Vector2d> pixels(values.size(0));
-  for (Eigen::Vector2d& pixel : pixels) {
-    pixel = {(xy[0] + 0.5) * image.width / seen.width, (xy[1] + 0.5) * image.height / seen.height};
-    xy += 2;
-  }
-  return pixels;
-}
-
-std::vector<double> ToScores(const torch::Tensor& confidences) {
-  const auto values = confidences.to(torch::kCPU, torch::kDouble).contiguous();
-  const double* begin = values.const_data_ptr<double>();
-  return {begin, begin + values.numel()};
+torch::Tensor InImage(const torch::Tensor& points, cv::Size seen, const cv::Mat& image) {
+  return ToImagePixels(points.to(torch::kCPU, torch::kDouble), seen, image.size());
 }
 
 }  // namespace
@@ -99,9 +86,9 @@ Correspondences LoftrMatcher::Match(const cv::Mat& reference, const cv::Mat& que
   Loftr network = network_;
   const LoftrOutput output = network->forward(ToTensor(seen_reference, device_),
                                               ToTensor(seen_query, device_), options_.network);
-  return {ToImagePixels(output.first_points, seen_reference.size(), reference.size()),
-          ToImagePixels(output.second_points, seen_query.size(), query.size()),
-          ToScores(output.pairs.confidences)};
+  return ToCorrespondences(InImage(output.first_points, seen_reference.size(), reference),
+                           InImage(output.second_points, seen_query.size(), query),
+                           output.pairs.confidences);
 }
 
 }  // namespace antipode

@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "antipode/matching/loftr.h"
+#include "antipode/matching/parts.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
@@ -48,10 +49,8 @@ std::string OtherFamilyOf(const TensorFile& file) {
 }
 
 /// The tensors whose names begin with `prefix`, without it; all of them if none does.
-TensorFile Unwrapped(const TensorFile& file, std::string_view prefix) {
-  TensorFile inner;
-  for (const auto& [name, tensor] : file.tensors)
-    if (name.starts_with(prefix)) inner.tensors[name.substr(prefix.size())] = tensor;
+TensorFile Unwrapped(const TensorFile& file, const std::string& prefix) {
+  TensorFile inner = WithoutPrefix(file, prefix);
   return inner.tensors.empty() ? file : inner;
 }
 

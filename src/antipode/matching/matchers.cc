@@ -1,6 +1,5 @@
 #include "antipode/matching/matchers.h"
 
-#include <algorithm>
 #include <functional>
 
 #include "antipode/matching/loftr_matcher.h"
@@ -22,8 +21,7 @@ std::unique_ptr<Matcher> MakeXFeat(XFeatDensity density, torch::Device device) {
 
 /// A model that does not ship has a better remedy than a list of the known ones.
 std::unique_ptr<Matcher> MakeLoftr(torch::Device device) {
-  const std::vector<ModelEntry> models = ListModels();
-  if (std::ranges::find(models, kLoftrModel, &ModelEntry::name) == models.end())
+  if (!IsModelInstalled(kLoftrModel))
     throw Error("model 'loftr'", "is not installed",
                 "get the authors' checkpoint, then: antipode models import loftr indoor_ds_new.ckpt");
   return std::make_unique<LoftrMatcher>(LoftrMatcher::Load(kLoftrModel, {}, device));

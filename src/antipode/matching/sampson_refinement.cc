@@ -2,7 +2,6 @@
 
 #include <ceres/ceres.h>
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 namespace antipode {
@@ -14,14 +13,10 @@ struct SampsonResidual {
 
   template <typename T>
   bool operator()(const T* rotation, const T* direction, T* residual) const {
-    using Vector = Eigen::Matrix<T, 3, 1>;
     const Eigen::Map<const Eigen::Quaternion<T>> query_from_reference(rotation);
-    const Vector translation(direction[0], direction[1], direction[2]);
-    const Vector reference = rays.reference.cast<T>(), query = rays.query.cast<T>();
-    const Vector line_in_query = translation.cross(query_from_reference * reference);
-    const Vector line_in_reference = query_from_reference.conjugate() * query.cross(translation);
-    const T squared = line_in_query.template head<2>().squaredNorm() + line_in_reference.template head<2>().squaredNorm();
-    residual[0] = focal_length * query.dot(line_in_query) / sqrt(squared + T(1e-20));
+    const Eigen::Matrix<T, 3, 3> matrix = query_from_reference.toRotationMatrix();
+    const Eigen::Matrix<T, 3, 1> translation(direction[0], direction[1], direction[2]);
+    residual[0] = focal_length * SignedSampsonDistance<T>(rays, matrix, translation);
     return true;
   }
 };

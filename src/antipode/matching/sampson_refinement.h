@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "antipode/geometry/rigid3.h"
 
@@ -12,6 +14,20 @@ namespace antipode {
 struct RayPair {
   Eigen::Vector3d reference, query;
 };
+
+/// (y^T E x) / sqrt((E x)_1^2 + (E x)_2^2 + (E^T y)_1^2 + (E^T y)_2^2),  E = [t]_x R: the signed Sampson distance on
+/// the plane at depth 1, of any scalar type that Ceres differentiates.
+template <typename T>
+T SignedSampsonDistance(const RayPair& rays, const Eigen::Matrix<T, 3, 3>& rotation,
+                        const Eigen::Matrix<T, 3, 1>& translation) {
+  using Vector = Eigen::Matrix<T, 3, 1>;
+  const Vector reference = rays.reference.cast<T>(), query = rays.query.cast<T>();
+  const Vector line_in_query = translation.cross(rotation * reference);
+  const Vector line_in_reference = rotation.transpose() * query.cross(translation);
+  const T squared = line_in_query.template head<2>().squaredNorm() + line_in_reference.template head<2>().squaredNorm();
+  using std::sqrt;
+  return query.dot(line_in_query) / sqrt(squared + T(1e-20));
+}
 
 struct RefinedPose {
   Rigid3 query_from_reference;                ///< |translation| = 1

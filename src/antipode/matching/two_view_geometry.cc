@@ -33,10 +33,7 @@ std::vector<RayPair> Rays(const Correspondences& correspondences, const CameraPa
 }
 
 double SampsonDistance(const RayPair& rays, const Rigid3& pose) {
-  const Eigen::Vector3d line_in_query = pose.translation.cross(pose.rotation * rays.reference);
-  const Eigen::Vector3d line_in_reference = pose.rotation.transpose() * rays.query.cross(pose.translation);
-  const double squared = line_in_query.head<2>().squaredNorm() + line_in_reference.head<2>().squaredNorm();
-  return std::abs(rays.query.dot(line_in_query)) / std::sqrt(std::max(squared, 1e-30));
+  return std::abs(SignedSampsonDistance<double>(rays, pose.rotation, pose.translation));
 }
 
 /// Points on the plane at depth 1, as OpenCV takes them.

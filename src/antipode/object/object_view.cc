@@ -264,15 +264,21 @@ ObjectView MakeObjectView(const cv::Mat& image, const cv::Mat& mask, const Pinho
   return view;
 }
 
+Rigid3 BetweenCameras(const ObjectView& reference, const ObjectView& query,
+                      const Rigid3& query_crop_from_reference_crop) {
+  const Eigen::Matrix3d query_camera_from_crop = query.crop_from_camera.transpose();
+  return {query_camera_from_crop * query_crop_from_reference_crop.rotation * reference.crop_from_camera,
+          query_camera_from_crop * query_crop_from_reference_crop.translation};
+}
+
 Rigid3 ComposeFromCrops(const ObjectView& reference, const ObjectView& query,
                         const Eigen::Matrix3d& query_crop_from_reference_crop) {
-  const Eigen::Matrix3d rotation = query.crop_from_camera.transpose() *
-                                   query_crop_from_reference_crop * reference.crop_from_camera;
-  const Eigen::Vector3d centre_in_reference =
-      reference.crop_from_camera.transpose() * Eigen::Vector3d(0, 0, reference.distance);
-  const Eigen::Vector3d centre_in_query =
-      query.crop_from_camera.transpose() * Eigen::Vector3d(0, 0, query.distance);
-  return {rotation, centre_in_query - rotation * centre_in_reference};
+  const Eigen::Vector3d centre_in_reference_crop(0, 0, reference.distance);
+  const Eigen::Vector3d centre_in_query_crop(0, 0, query.distance);
+  return BetweenCameras(
+      reference, query,
+      {query_crop_from_reference_crop,
+       centre_in_query_crop - query_crop_from_reference_crop * centre_in_reference_crop});
 }
 
 }  // namespace antipode

@@ -66,6 +66,11 @@ cv::Matx33d HomographyForOpenCv(const Eigen::Matrix3d& homography);
 ObjectView MakeObjectView(const cv::Mat& image, const cv::Mat& mask, const PinholeCamera& camera,
                           const ObjectViewOptions& options = {});
 
+/// The pose between the photographs' cameras from that between their crop cameras, which stand at the same places:
+///   R = R_v2^T R_crop R_v1,  t = R_v2^T t_crop
+Rigid3 BetweenCameras(const ObjectView& reference, const ObjectView& query,
+                      const Rigid3& query_crop_from_reference_crop);
+
 /// Object pose in the crop camera has its centre on the optical axis at `distance`; hence the
 /// translation of query_from_reference for a given rotation between the two *crop* cameras:
 ///   t = R_v2^T (d_2 e_z) - R (R_v1^T d_1 e_z),  R = R_v2^T R_crop R_v1  (paper, eq. for R12, t12)

@@ -85,18 +85,17 @@ MatchedViews Match(const Matcher& matcher, const CroppedPair& views, const ViewM
 
 /// The translation of the crops, turned where the correspondences know its direction better.
 Rigid3 ComposeFromMatches(const CroppedPair& views, const TwoViewGeometry& geometry) {
-  const Rigid3& between_crops = geometry.query_from_reference;
-  Rigid3 pose = ComposeFromCrops(views[0], views[1], between_crops.rotation);
+  Rigid3 pose = ComposeFromCrops(views[0], views[1], geometry.query_from_reference.rotation);
   const double deviation = DegreesFromRadians(std::sqrt(geometry.covariance.bottomRightCorner<2, 2>().trace() / 2));
   if (geometry.status == TwoViewStatus::kFound && deviation < kTrustedDirectionDeg)
-    pose.translation = views[1].crop_from_camera.transpose() * between_crops.translation * pose.translation.norm();
+    pose.translation = BetweenCameras(views[0], views[1], geometry.query_from_reference).translation * pose.translation.norm();
   return pose;
 }
 
 double TranslationDisagreementDeg(const CroppedPair& views, const Rigid3& between_crops) {
-  const Rigid3 pose = ComposeFromCrops(views[0], views[1], between_crops.rotation);
-  const Eigen::Vector3d direction = views[1].crop_from_camera.transpose() * between_crops.translation;
-  return DegreesFromRadians(std::atan2(direction.cross(pose.translation).norm(), direction.dot(pose.translation)));
+  const Eigen::Vector3d of_crops = ComposeFromCrops(views[0], views[1], between_crops.rotation).translation;
+  const Eigen::Vector3d of_matches = BetweenCameras(views[0], views[1], between_crops).translation;
+  return DegreesFromRadians(std::atan2(of_matches.cross(of_crops).norm(), of_matches.dot(of_crops)));
 }
 
 /// The probability of the pose of matching, filed with all that went into it.

@@ -24,6 +24,12 @@ double TraceOfDifference(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
 
 double TraceAtAngle(double degrees) { return 1 + 2 * std::cos(RadiansFromDegrees(degrees)); }
 
+/// The posterior's mass at every rotation of the grid; sums to 1.
+Eigen::VectorXd GridWeights(const Eigen::VectorXf& scores) {
+  const Eigen::VectorXd weights = (scores.array() - scores.maxCoeff()).exp().cast<double>();
+  return weights / weights.sum();
+}
+
 }  // namespace
 
 void PosteriorOptions::Check() const {
@@ -92,28 +98,31 @@ Eigen::Matrix3d RotationPosterior::Maximize(const Eigen::VectorXf& correlation,
   return NearestRotation(rotation);
 }
 
-double RotationPosterior::MassAround(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation,
-                                     const PosteriorOptions& options) const {
-  options.Check();
-  const Eigen::VectorXf scores = GridScores(correlation) / static_cast<float>(options.temperature);
-  const Eigen::VectorXd weights = (scores.array() - scores.maxCoeff()).exp().cast<double>();
-  const double mass_trace = TraceAtAngle(options.mass_radius_deg);
-  double mass = 0;
-  for (std::size_t g = 0; g < grid_.size(); ++g)
-    if (TraceOfDifference(rotation, grid_[g]) >= mass_trace) mass += weights[g];
-  return mass / weights.sum();
-}
-
-std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& correlation,
-                                                       const PosteriorOptions& options) const {
+Eigen::VectorXf RotationPosterior::CheckedGridScores(const Eigen::VectorXf& correlation,
+                                                     const PosteriorOptions& options) const {
   options.Check();
   if (correlation.size() != WignerSize(max_degree_))
     throw Error("rotation posterior", "got a correlation of another degree");
   const Eigen::VectorXf scores = GridScores(correlation) / static_cast<float>(options.temperature);
   if (!scores.allFinite()) throw Error("rotation posterior", "the scores are not finite");
-  const float best = scores.maxCoeff();
-  const Eigen::VectorXd weights = (scores.array() - best).exp().cast<double>();
-  const double total = weights.sum();
+  return scores;
+}
+
+double RotationPosterior::MassAround(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation,
+                                     const PosteriorOptions& options) const {
+  const Eigen::VectorXf scores = CheckedGridScores(correlation, options);
+  const Eigen::VectorXd weights = GridWeights(scores);
+  const double mass_trace = TraceAtAngle(options.mass_radius_deg);
+  double mass = 0;
+  for (std::size_t g = 0; g < grid_.size(); ++g)
+    if (TraceOfDifference(rotation, grid_[g]) >= mass_trace) mass += weights[g];
+  return mass;
+}
+
+std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& correlation,
+                                                       const PosteriorOptions& options) const {
+  const Eigen::VectorXf scores = CheckedGridScores(correlation, options);
+  const Eigen::VectorXd weights = GridWeights(scores);
 
   std::vector<int> order(grid_.size());
   std::iota(order.begin(), order.end(), 0);
@@ -156,7 +165,7 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
       nearest = &mode;
       nearest_trace = trace;
     }
-    if (nearest != nullptr) nearest->probability += weights[g] / total;
+    if (nearest != nullptr) nearest->probability += weights[g];
   }
   std::stable_sort(modes.begin(), modes.end(), [](const RotationMode& a, const RotationMode& b) {
     return a.probability > b.probability;

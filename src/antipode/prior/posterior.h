@@ -55,6 +55,9 @@ class RotationPosterior {
   const std::vector<Eigen::Matrix3d>& grid() const { return grid_; }
 
  private:
+  /// s(R) / temperature of every rotation of the grid. @throws Error if they are not finite, or the degree differs
+  Eigen::VectorXf CheckedGridScores(const Eigen::VectorXf& correlation, const PosteriorOptions& options) const;
+
   int max_degree_;
   std::vector<Eigen::Matrix3d> grid_;
   RowMajorMatrixXf grid_wigner_;

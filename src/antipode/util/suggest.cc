@@ -47,4 +47,10 @@ std::string NearestName(const std::string& name, const std::vector<std::string>&
   return nearest;
 }
 
+std::string JoinNames(const std::vector<std::string>& names) {
+  std::string joined;
+  for (const std::string& name : names) joined += (joined.empty() ? "" : ", ") + name;
+  return joined;
+}
+
 }  // namespace antipode

@@ -10,4 +10,7 @@ namespace antipode {
 /// near means at most one such edit for every three characters of `name`. The first of equals wins.
 std::string NearestName(const std::string& name, const std::vector<std::string>& candidates);
 
+/// "a, b, c".
+std::string JoinNames(const std::vector<std::string>& names);
+
 }  // namespace antipode

@@ -109,12 +109,6 @@ ModelEntry ReadEntry(const fs::path& folder) {
   return entry;
 }
 
-std::string Join(const std::vector<std::string>& names) {
-  std::string joined;
-  for (const std::string& name : names) joined += (joined.empty() ? "" : ", ") + name;
-  return joined;
-}
-
 [[noreturn]] void ThrowUnknownModel(const std::string& name) {
   std::vector<std::string> known;
   for (const auto& [known_name, folder] : FindFolders()) known.push_back(known_name);
@@ -122,7 +116,7 @@ std::string Join(const std::vector<std::string>& names) {
   const std::string remedy =
       known.empty() ? "there is none; import one, or set ANTIPODE_MODELS to the folder of models"
                     : (nearest.empty() ? "" : "did you mean '" + nearest + "'? ") +
-                          "known models: " + Join(known);
+                          "known models: " + JoinNames(known);
   throw Error("model " + Quoted(name), "is not known", remedy);
 }
 
@@ -183,6 +177,8 @@ std::vector<ModelEntry> ListModels() {
   for (const auto& [name, folder] : FindFolders()) entries.push_back(ReadEntry(folder));
   return entries;
 }
+
+bool IsModelInstalled(const std::string& name) { return FindFolders().contains(name); }
 
 ModelEntry FindModel(const std::string& name) {
   if (fs::exists(fs::path(name) / kDescriptionFile)) return ReadEntry(fs::absolute(name).lexically_normal());

@@ -29,6 +29,9 @@ struct ModelEntry {
 /// @throws BadFile naming a model.json that is damaged
 std::vector<ModelEntry> ListModels();
 
+/// Whether there is a model of this name; it may still be damaged.
+bool IsModelInstalled(const std::string& name);
+
 /// By name, or the model folder at this path.
 /// @throws Error listing the known names if there is none called `name`
 ModelEntry FindModel(const std::string& name);
