@@ -39,8 +39,8 @@ torch::Tensor Convolve(const torch::nn::Conv2d& conv, const torch::Tensor& x) {
   return at::conv2d(x, conv->weight, conv->bias);
 }
 
-torch::Tensor Apply(const std::vector<ConvNormRelu>& block, torch::Tensor x) {
-  for (const ConvNormRelu& layer : block) x = layer(x);
+torch::Tensor Apply(const std::vector<ConvNorm>& block, torch::Tensor x) {
+  for (const ConvNorm& layer : block) x = layer(x).relu_();
   return x;
 }
 
@@ -157,26 +157,6 @@ torch::Tensor CellCorners(std::int64_t rows, std::int64_t columns) {
 
 }  // namespace
 
-torch::Tensor ConvNormRelu::operator()(const torch::Tensor& x) const {
-  torch::Tensor weight = conv->weight, bias = absorbed_bias;
-  if (!bias.defined()) {
-    const auto scale = torch::rsqrt(norm->running_var + kBatchNormEpsilon);
-    weight = weight * scale.view({-1, 1, 1, 1});
-    bias = -norm->running_mean * scale;
-  }
-  return at::conv2d(x, weight, bias, conv->options.stride(), weight.size(2) / 2).relu_();
-}
-
-void ConvNormRelu::AbsorbNormalization() {
-  if (absorbed_bias.defined()) return;
-  const torch::NoGradGuard no_gradient;
-  const auto scale = torch::rsqrt(norm->running_var + kBatchNormEpsilon);
-  conv->weight.mul_(scale.view({-1, 1, 1, 1}));
-  norm->running_mean.mul_(scale);
-  norm->running_var.fill_(1 - kBatchNormEpsilon);
-  absorbed_bias = -norm->running_mean;
-}
-
 XFeatNetworkImpl::XFeatNetworkImpl() {
   skip_ = Convolution("skip1.1", 1, 24);
   Append(block1_, "block1.0", Kernel3(1, 4));
@@ -260,10 +240,10 @@ torch::Tensor XFeatNetworkImpl::RefinementLogits(const torch::Tensor& reference,
   return x;
 }
 
-void XFeatNetworkImpl::AbsorbNormalization() {
+void XFeatNetworkImpl::Prepare() {
   for (Block* const block : {&block1_, &block2_, &block3_, &block4_, &block5_, &fusion_block_,
                              &reliability_block_, &keypoint_block_})
-    for (ConvNormRelu& layer : *block) layer.AbsorbNormalization();
+    for (ConvNorm& layer : *block) layer.Prepare();
 }
 
 void XFeatOptions::Check() const {
@@ -279,7 +259,7 @@ XFeat::XFeat(const TensorFile& weights, const std::string& source, const XFeatOp
   options_.Check();
   LoadInto(*network_, weights, source);
   network_->to(device_);
-  network_->AbsorbNormalization();
+  network_->Prepare();
 }
 
 LocalFeatures XFeat::Detect(const cv::Mat& image) const {

