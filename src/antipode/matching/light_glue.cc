@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "antipode/matching/parts.h"
+#include "antipode/nn/module_weights.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -277,6 +278,15 @@ LightGlueMatches LightGlueImpl::Assign(int layer, const Tokens& tokens) const {
   return {{tokens.features.index_select(0, matched), tokens.features.index_select(0, partner),
            scores.index_select(0, matched)},
           layer + 1};
+}
+
+LightGlue LoadLightGlue(const LightGlueConfig& config, const TensorFile& weights,
+                        const std::string& source, torch::Device device) {
+  LightGlue network(config);
+  LoadInto(*network, weights, source);
+  network->to(device);
+  network->Prepare();
+  return network;
 }
 
 }  // namespace antipode

@@ -107,4 +107,11 @@ class LightGlueImpl : public torch::nn::Module {
 };
 TORCH_MODULE(LightGlue);
 
+/// @param weights named as in the checkpoints
+/// @param source the file or model, for messages
+/// @return prepared
+/// @throws BadFile if a tensor is missing, extra or of another shape
+LightGlue LoadLightGlue(const LightGlueConfig& config, const TensorFile& weights,
+                        const std::string& source, torch::Device device);
+
 }  // namespace antipode

@@ -8,8 +8,13 @@
 
 namespace antipode {
 
+namespace {
+
+constexpr int kMinSide = 32;
+
+}  // namespace
+
 bool HasNothingToSee(const cv::Mat& image) {
-  constexpr int kMinSide = 32;
   if (image.type() != CV_8UC3)
     throw Error("matching", "was given an image that is not 8-bit RGB", "convert it to 8UC3");
   if (std::min(image.cols, image.rows) < kMinSide) return true;
@@ -21,8 +26,8 @@ bool HasNothingToSee(const cv::Mat& image) {
 cv::Mat LimitSide(const cv::Mat& image, int max_side) {
   const double scale = static_cast<double>(max_side) / std::max(image.cols, image.rows);
   if (scale >= 1) return image;
-  const cv::Size size(std::max(1, cvRound(image.cols * scale)),
-                      std::max(1, cvRound(image.rows * scale)));
+  const cv::Size size(std::max(kMinSide, cvRound(image.cols * scale)),
+                      std::max(kMinSide, cvRound(image.rows * scale)));
   cv::Mat limited;
   cv::resize(image, limited, size, 0, 0, cv::INTER_AREA);
   return limited;

@@ -11,6 +11,7 @@ namespace antipode {
 bool HasNothingToSee(const cv::Mat& image);
 
 /// The image itself, or, if its longer side exceeds `max_side`, shrunk to that by averaging areas.
+/// The shorter side keeps 32 pixels.
 cv::Mat LimitSide(const cv::Mat& image, int max_side);
 
 /// From pixel indices [N, 2] of what a network saw to pixels of the image, centres at integer +

@@ -105,10 +105,9 @@ XFeatLighterGlueMatcher XFeatLighterGlueMatcher::Load(const std::string& model_o
                                                       const XFeatOptions& options,
                                                       torch::Device device) {
   const TensorFile file = LoadModel(model_or_folder);
-  LightGlue lighter_glue(LightGlueConfig::LighterGlue());
-  LoadInto(*lighter_glue, WithoutPrefix(file, kLighterGluePrefix), model_or_folder);
-  lighter_glue->to(device);
-  lighter_glue->Prepare();
+  const LightGlue lighter_glue =
+      LoadLightGlue(LightGlueConfig::LighterGlue(), WithoutPrefix(file, kLighterGluePrefix),
+                    model_or_folder, device);
   return {LoadXFeat(file, model_or_folder, options, device), lighter_glue};
 }
 
