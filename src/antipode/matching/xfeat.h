@@ -15,8 +15,8 @@ namespace antipode {
 /// What the network says about an image of H x W pixels, in cells of 8 x 8 pixels.
 struct XFeatMaps {
   torch::Tensor descriptors;  ///< [N, 64, H/8, W/8], not normalised
-  torch::Tensor
-      keypoint_logits;  ///< [N, 65, H/8, W/8]: the cell's pixels row by row, and "no keypoint"
+  /// [N, 65, H/8, W/8]: the cell's pixels row by row, and "no keypoint"
+  torch::Tensor keypoint_logits;
   torch::Tensor reliability;  ///< [N, 1, H/8, W/8], 0..1
 };
 
@@ -60,9 +60,9 @@ struct XFeatOptions {
 
 /// Features on a grid of cells instead of at corners, from two scales of the image.
 struct SemiDenseFeatures {
-  LocalFeatures features;  ///< descriptors are not normalised; keypoints are the upper left pixels
-                           ///< of the cells
-  torch::Tensor scales;    ///< [N] float32: side of a cell's pixel, in pixels of the image
+  /// Descriptors are not normalised; keypoints are the upper left pixels of the cells.
+  LocalFeatures features;
+  torch::Tensor scales;  ///< [N] float32: side of a cell's pixel, in pixels of the image
 };
 
 /// XFeat as detector and descriptor.
@@ -77,7 +77,7 @@ class XFeat {
   /// Local maxima of the keypoint probability in 5 x 5 pixels, best first by probability times
   /// reliability, with descriptors of length 1. The network sees the image resized to sides that
   /// are multiples of 32.
-  /// @param image RGB, 8UC3; one with a side below 32 pixels has no features
+  /// @param image RGB, 8UC3; one with a side below 32 pixels or of one colour has no features
   LocalFeatures Detect(const cv::Mat& image) const;
 
   /// XFeat*: the most reliable cells, a fifth of them from the image at 0.6 times its size, the

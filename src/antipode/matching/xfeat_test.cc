@@ -49,6 +49,15 @@ TEST(XFeat, DetectsWhatThePythonPackageDetects) {
   ExpectNear(features.descriptors, Golden("xfeat_features", "descriptors"));
 }
 
+TEST(XFeat, DetectsEveryKeypointThatThePythonPackageDetects) {
+  XFeatOptions options = kGoldenOptions;
+  options.top_k = 100000;
+  const LocalFeatures features =
+      SyntheticXFeat(options).Detect(BlockImage("input.picture", 101, 70));
+  ExpectNear(features.keypoints,
+             CentresOf(Golden("xfeat_features", "every_keypoint"), 101.0 / 96, 70.0 / 64));
+}
+
 TEST(XFeat, DetectsTheCellsThatThePythonPackageDetects) {
   XFeatOptions options = kGoldenOptions;
   options.top_k = 50;
