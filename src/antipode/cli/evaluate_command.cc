@@ -9,6 +9,8 @@
 #include "antipode/evaluation/evaluation.h"
 #include "antipode/evaluation/evaluation_files.h"
 #include "antipode/evaluation/evaluation_summary.h"
+#include "antipode/evaluation/false_confidence.h"
+#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
@@ -20,6 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kRotatedDeg = 45;
+constexpr double kSure = 0.5;  // a confidence above it is a claim
 
 class EvaluateCommand : public Command {
  public:
@@ -47,6 +50,11 @@ class EvaluateCommand : public Command {
     app.add_option("--image-size", protocol_.image_size, "Side of the pictures, pixels")->capture_default_str()
         ->type_name("N")->group("Data set objects");
     app.add_flag("--rotated", rotated_, "Roll every camera by -45 to 45 degrees")->group("Data set objects");
+    app.add_option("--pairs", options_.pairs_per_object, "At most so many pairs of each object, drawn with --seed")
+        ->type_name("N");
+    app.add_option("--different-objects", different_objects_,
+                   "Instead of accuracy, measure the confidence on N pairs that show two different objects")
+        ->type_name("N");
     app.add_flag("--check-swap", options_.check_swap, "Also estimate every pair the other way round");
     common_.Declare(app);
   }
@@ -58,6 +66,7 @@ class EvaluateCommand : public Command {
     request.device = common_.device;
     const std::vector<PoseMethod> methods = LoadPoseMethods(request);
     if (methods.empty()) throw InvalidOption("--method", "is empty", "name at least one method");
+    if (different_objects_) return ReportFalseConfidence(*dataset, methods);
     const std::vector<EvaluationResult> results = Evaluate(*dataset, methods);
     if (results.size() == 1) {
       ReportOne(results.front());
@@ -78,10 +87,39 @@ class EvaluateCommand : public Command {
 
   std::vector<EvaluationResult> Evaluate(const Dataset& dataset, const std::vector<PoseMethod>& methods) const {
     ProgressLine line(common_.ProgressMode());
-    return antipode::Evaluate(dataset, methods, options_, [&](const Progress& progress) {
+    EvaluationOptions options = options_;
+    options.seed = common_.seed;
+    return antipode::Evaluate(dataset, methods, options, [&](const Progress& progress) {
       ThrowIfInterrupted();
       line.Show(progress);
     });
+  }
+
+  void ReportFalseConfidence(const Dataset& dataset, const std::vector<PoseMethod>& methods) const {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const PoseMethod& method : methods) {
+      const FalseConfidence result = FalseConfidenceOf(dataset, method);
+      const double share = result.ShareAbove(kSure);
+      list.push_back({{"method", method.name},
+                      {"pairs", result.confidences.size()},
+                      {"failures", result.failures},
+                      {"percent_above_half", share},
+                      {"confidences", result.confidences}});
+      if (common_.PrintsText()) {
+        std::cout << Formatted("%s: %zu pairs of different objects, confidence above %.1f in %.1f %% of them\n",
+                               method.name.c_str(), result.confidences.size(), kSure, share);
+      }
+    }
+    common_.WriteJson({{"different_objects", list}});
+  }
+
+  FalseConfidence FalseConfidenceOf(const Dataset& dataset, const PoseMethod& method) const {
+    ProgressLine line(common_.ProgressMode());
+    return MeasureFalseConfidence(dataset, method, {.pairs = *different_objects_, .seed = common_.seed},
+                                  [&](const Progress& progress) {
+                                    ThrowIfInterrupted();
+                                    line.Show(progress);
+                                  });
   }
 
   void ReportOne(const EvaluationResult& result) const {
@@ -126,6 +164,7 @@ class EvaluateCommand : public Command {
 
   std::string dataset_, root_, split_, out_;
   MethodRequest method_;
+  std::optional<int> different_objects_;
   bool rotated_ = false;
   ObjectProtocolOptions protocol_;
   EvaluationOptions options_;

@@ -1,8 +1,10 @@
 #include "antipode/evaluation/evaluation.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <exception>
+#include <random>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -10,6 +12,7 @@
 #include "antipode/geometry/pose_metrics.h"
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
+#include "antipode/util/seeds.h"
 
 namespace antipode {
 namespace {
@@ -102,20 +105,37 @@ double SwapDifferenceDeg(const Attempt& attempt, const Attempt& swapped) {
   return RotationErrorDeg(swapped_rotation.transpose(), rotation);
 }
 
+/// At most `most` of the pairs, in their order.
+std::vector<ViewPair> DrawPairs(const EvaluationScene& scene, std::size_t most, std::uint64_t seed) {
+  std::mt19937_64 random(CombineSeeds(seed, HashOfName(scene.object)));
+  std::vector<ViewPair> drawn;
+  std::size_t wanted = std::min(most, scene.pairs.size());
+  for (std::size_t i = 0; i < scene.pairs.size() && wanted > 0; ++i) {
+    // Each of the remaining pairs is equally likely to be among those still wanted.
+    if (UniformIndex(random, scene.pairs.size() - i) >= wanted) continue;
+    drawn.push_back(scene.pairs[i]);
+    --wanted;
+  }
+  return drawn;
+}
+
 class Evaluator {
  public:
   Evaluator(const Dataset& dataset, std::span<const PoseMethod> methods, const EvaluationOptions& options,
             const ProgressCallback& progress)
       : dataset_(dataset), methods_(methods), options_(options), progress_(progress) {
     for (const PoseMethod& method : methods) results_.push_back({dataset.Name(), method.name, {}, 0});
-    status_.total = static_cast<std::int64_t>(dataset.PairCount() * methods.size());
+    std::size_t pairs = dataset.PairCount();
+    if (options.pairs_per_object) pairs = std::min(pairs, dataset.ObjectCount() * *options.pairs_per_object);
+    status_.total = static_cast<std::int64_t>(pairs * methods.size());
   }
 
   std::vector<EvaluationResult> Run() {
     for (std::size_t i = 0; i < dataset_.ObjectCount(); ++i) {
       Report("loading");
       const Stopwatch stopwatch;
-      const EvaluationScene scene = dataset_.Load(i);
+      EvaluationScene scene = dataset_.Load(i);
+      if (options_.pairs_per_object) scene.pairs = DrawPairs(scene, *options_.pairs_per_object, options_.seed);
       const double seconds = stopwatch.Seconds();
       for (std::size_t m = 0; m < methods_.size(); ++m) {
         results_[m].loading_seconds += seconds;
@@ -180,8 +200,13 @@ PoseMethod OnPhotographs(std::string name, PhotographMethod estimate) {
           }};
 }
 
+void EvaluationOptions::Check() const {
+  if (pairs_per_object && *pairs_per_object == 0) throw InvalidOption("pairs", "must be positive");
+}
+
 std::vector<EvaluationResult> Evaluate(const Dataset& dataset, std::span<const PoseMethod> methods,
                                        const EvaluationOptions& options, const ProgressCallback& progress) {
+  options.Check();
   return Evaluator(dataset, methods, options, progress).Run();
 }
 

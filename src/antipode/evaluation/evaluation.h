@@ -34,6 +34,9 @@ PoseMethod OnPhotographs(std::string name, PhotographMethod estimate);
 
 struct EvaluationOptions {
   bool check_swap = false;  ///< also estimate (query, reference); doubles the time
+  std::optional<std::size_t> pairs_per_object = {};  ///< at most; which ones is drawn
+  std::uint64_t seed = 1;                       ///< draws them
+  void Check() const;
 };
 
 /// What a method made of one pair.

@@ -267,5 +267,19 @@ TEST(Evaluate, StageTimesAreAddedUp) {
   EXPECT_DOUBLE_EQ(result.objects[1].stage_seconds.at("encode"), 6);
 }
 
+TEST(Evaluation, DrawsSomeOfThePairsWithTheSeed) {
+  const SyntheticDataset dataset = RandomDataset(12, 5);
+  const auto queries = [&](std::uint64_t seed) {
+    std::vector<std::string> names;
+    const EvaluationResult result = Evaluate(dataset, Oracle(dataset), {.pairs_per_object = 4, .seed = seed});
+    ForEachPair(result, [&](const EvaluatedPair& pair) { names.push_back(pair.query); });
+    return names;
+  };
+  EXPECT_EQ(queries(1).size(), 8u);
+  EXPECT_EQ(queries(1), queries(1));
+  EXPECT_NE(queries(1), queries(2));
+  EXPECT_EQ(Evaluate(dataset, Oracle(dataset), {.pairs_per_object = 99}).objects.front().pairs.size(), 11u);
+}
+
 }  // namespace
 }  // namespace antipode
