@@ -13,14 +13,15 @@ namespace {
 
 constexpr double kTrustedDirectionDeg = 10;  // of the translation, by the covariance
 constexpr double kSameModeDeg = 30;
+constexpr double kTurnWorthTrying = 0.1;  // posterior mass; at least one of four quarter turns has more
 
 /// Printed by scripts/fit_matching_probability.py.
 struct MatchingWeights {
   double constant, inliers, share, deviation, disagreement;
 };
-constexpr MatchingWeights kWithPrior{-7.826, 2.263, 1.937, 0.837, -0.883};
-constexpr double kPriorMassWeight = 0.780;
-constexpr MatchingWeights kWithoutPrior{-12.966, 2.583, 3.764, 0.471, -0.839};
+constexpr MatchingWeights kWithPrior{-2.414, 1.526, 0.161, 0.157, -0.943};
+constexpr double kPriorMassWeight = 0.609;
+constexpr MatchingWeights kWithoutPrior{-7.416, 2.057, 0.529, -0.007, -0.564};
 
 /// Seconds since the last call, filed under a name.
 class Stopwatch {
@@ -76,10 +77,6 @@ MatchedViews Match(const Matcher& matcher, const CroppedPair& views, const ViewM
   result.timings_s["match"] = stopwatch.Lap();
   result.evidence["matches"] = static_cast<double>(matched.correspondences.size());
   result.evidence["inliers"] = matched.geometry.inliers;
-  if (matched.geometry.status == TwoViewStatus::kPlanar)
-    result.warnings.emplace_back("matching: all matches lie on one plane, the pose may be its mirror solution");
-  if (matched.geometry.status == TwoViewStatus::kPureRotation)
-    result.warnings.emplace_back("matching: the matches show no parallax, the translation is that of the crops");
   return matched;
 }
 
@@ -98,26 +95,65 @@ double TranslationDisagreementDeg(const CroppedPair& views, const Rigid3& betwee
   return DegreesFromRadians(std::atan2(of_matches.cross(of_crops).norm(), of_matches.dot(of_crops)));
 }
 
-/// The probability of the pose of matching, filed with all that went into it.
-double Weigh(const CroppedPair& views, const MatchedViews& matched, std::optional<double> prior_mass,
-             TwoViewPose& result) {
-  const MatchingEvidence evidence{static_cast<int>(matched.correspondences.size()), matched.geometry.inliers,
-                                  std::min(matched.geometry.RotationDeviationDeg(), 180.0),
-                                  TranslationDisagreementDeg(views, matched.geometry.query_from_reference), prior_mass};
-  result.evidence["rotation_deviation_deg"] = evidence.rotation_deviation_deg;
-  result.evidence["translation_disagreement_deg"] = evidence.translation_disagreement_deg;
-  if (prior_mass) result.evidence["prior_mass"] = *prior_mass;
-  return result.evidence["matching_probability"] = MatchingProbability(evidence);
+/// One explanation of the matches, and how likely it is right.
+struct WeighedPose {
+  TwoViewGeometry geometry;
+  MatchingEvidence evidence;
+  double probability = 0;
+};
+
+WeighedPose Weigh(const CroppedPair& views, const MatchedViews& matched, const TwoViewGeometry& geometry,
+                  const GridPosterior* prior) {
+  WeighedPose weighed{geometry, {}, 0};
+  weighed.evidence = {static_cast<int>(matched.correspondences.size()), geometry.inliers,
+                      std::min(geometry.RotationDeviationDeg(), 180.0),
+                      TranslationDisagreementDeg(views, geometry.query_from_reference), {}};
+  if (prior != nullptr) weighed.evidence.prior_mass = prior->MassAround(geometry.query_from_reference.rotation);
+  weighed.probability = MatchingProbability(weighed.evidence);
+  return weighed;
 }
 
-/// The turns of the query that bring it upright if a mode is right.
-std::vector<int> TurnsSuggestedBy(const std::vector<RotationMode>& modes) {
-  std::vector<int> turns;
-  for (const RotationMode& mode : modes) {
-    const int turn = QuarterTurnsUndoing(mode.rotation);
-    if (std::ranges::find(turns, turn) == turns.end()) turns.push_back(turn);
+/// Of all explanations of the matches the most probable.
+WeighedPose MostProbable(const CroppedPair& views, const MatchedViews& matched, const GridPosterior* prior) {
+  WeighedPose best = Weigh(views, matched, matched.geometry, prior);
+  for (const TwoViewGeometry& alternative : matched.alternatives) {
+    WeighedPose other = Weigh(views, matched, alternative, prior);
+    if (other.probability > best.probability) best = std::move(other);
   }
+  return best;
+}
+
+void File(const WeighedPose& weighed, TwoViewPose& result) {
+  const MatchingEvidence& evidence = weighed.evidence;
+  result.evidence["inliers"] = evidence.inliers;
+  result.evidence["rotation_deviation_deg"] = evidence.rotation_deviation_deg;
+  result.evidence["translation_disagreement_deg"] = evidence.translation_disagreement_deg;
+  if (evidence.prior_mass) result.evidence["prior_mass"] = *evidence.prior_mass;
+  result.evidence["matching_probability"] = weighed.probability;
+  if (weighed.geometry.status == TwoViewStatus::kPlanar)
+    result.warnings.emplace_back("matching: all matches lie on one plane, the pose may be its mirror solution");
+  if (weighed.geometry.status == TwoViewStatus::kPureRotation)
+    result.warnings.emplace_back("matching: the matches show no parallax, the translation is that of the crops");
+}
+
+/// The turns of the query that bring it upright with some probability, likeliest first.
+std::vector<int> TurnsSuggestedBy(const GridPosterior& prior) {
+  std::array<double, 4> mass{};
+  for (std::size_t g = 0; g < prior.rotations.size(); ++g)
+    mass[QuarterTurnsUndoing(prior.rotations[g])] += prior.weights[static_cast<Eigen::Index>(g)];
+  std::vector<int> turns;
+  for (int turn = 0; turn < 4; ++turn)
+    if (mass[turn] >= kTurnWorthTrying) turns.push_back(turn);
+  std::ranges::sort(turns, [&](int a, int b) { return mass[a] > mass[b]; });
   return turns;
+}
+
+/// The likeliest so many, and in any case that of matching: whoever asks for matching wants to see what it found.
+void KeepBest(int most, std::vector<PoseHypothesis>& hypotheses) {
+  while (hypotheses.size() > static_cast<std::size_t>(most)) {
+    const bool last_is_matching = hypotheses.size() > 1 && hypotheses.back().source == "matching";
+    hypotheses.erase(hypotheses.end() - (last_is_matching ? 2 : 1));
+  }
 }
 
 /// Puts the pose of matching beside the prior's hypotheses, which keep their worth only as far as matching is
@@ -176,8 +212,10 @@ TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograp
   if (matched.geometry.status == TwoViewStatus::kTooFewMatches)
     throw Error("matching", "found too few consistent matches (" + std::to_string(matched.correspondences.size()) + " in all)",
                 "use --method auto, which also knows what the object's other sides may look like");
-  result.query_from_reference = ComposeFromMatches(views, matched.geometry);
-  result.confidence = Weigh(views, matched, std::nullopt, result);
+  const WeighedPose weighed = MostProbable(views, matched, nullptr);
+  File(weighed, result);
+  result.query_from_reference = ComposeFromMatches(views, weighed.geometry);
+  result.confidence = weighed.probability;
   result.hypotheses = {{result.query_from_reference, result.confidence, "matching"}};
   Keep(std::move(views), result);
   return result;
@@ -196,12 +234,15 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   result.confidence = prior_confidence;
 
   ViewMatchingOptions matching = options.matching;
-  matching.quarter_turns = TurnsSuggestedBy(opinion.modes);
+  const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1]);
+  matching.quarter_turns = TurnsSuggestedBy(posterior);
+  for (const RotationMode& mode : opinion.modes) matching.starts.push_back(mode.rotation);
   const MatchedViews matched = Match(matcher, large, matching, result);
   if (matched.geometry.status != TwoViewStatus::kTooFewMatches) {
-    const double mass = prior.MassAround(opinion.codes[0], opinion.codes[1], matched.geometry.query_from_reference.rotation);
-    AddMatching(ComposeFromMatches(large, matched.geometry), Weigh(large, matched, mass, result), prior_confidence, result);
-    if (result.hypotheses.size() > static_cast<std::size_t>(options.hypotheses)) result.hypotheses.resize(options.hypotheses);
+    const WeighedPose weighed = MostProbable(large, matched, &posterior);
+    File(weighed, result);
+    AddMatching(ComposeFromMatches(large, weighed.geometry), weighed.probability, prior_confidence, result);
+    KeepBest(options.hypotheses, result.hypotheses);
   }
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   Keep(std::move(small), result);

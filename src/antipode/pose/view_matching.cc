@@ -11,6 +11,8 @@
 namespace antipode {
 namespace {
 
+constexpr double kSamePoseDeg = 5;
+
 bool IsOnObject(const cv::Mat& mask, const Eigen::Vector2d& pixel) {
   const cv::Point cell(static_cast<int>(std::floor(pixel.x())), static_cast<int>(std::floor(pixel.y())));
   return cv::Rect({0, 0}, mask.size()).contains(cell) && mask.at<std::uint8_t>(cell) > 125;
@@ -30,6 +32,45 @@ Correspondences MatchTurned(const Matcher& matcher, const ObjectView& reference,
   return kept;
 }
 
+/// Between the crop cameras, both of which have the object's centre on their axes.
+Rigid3 PoseOfCrops(const ObjectView& reference, const ObjectView& query, const Eigen::Matrix3d& rotation) {
+  return {rotation, query.distance * Eigen::Vector3d::UnitZ() - reference.distance * rotation.col(2)};
+}
+
+/// The pose that the matches give by themselves, and those near the starts; most inliers first, without
+/// failures and repetitions.
+std::vector<TwoViewGeometry> Explanations(const Correspondences& correspondences, const ObjectView& reference,
+                                          const ObjectView& query, const ViewMatchingOptions& options) {
+  const CameraPair cameras{reference.camera, query.camera};
+  std::vector<TwoViewGeometry> found{EstimateTwoViewGeometry(correspondences, cameras, options.geometry)};
+  for (const Eigen::Matrix3d& start : options.starts) {
+    const Rigid3 pose = PoseOfCrops(reference, query, start);
+    if (pose.translation.norm() > 0)
+      found.push_back(RefineTwoViewGeometry(correspondences, cameras, pose, options.capture_px, options.geometry));
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const TwoViewGeometry& a, const TwoViewGeometry& b) { return a.inliers > b.inliers; });
+  std::vector<TwoViewGeometry> distinct;
+  for (TwoViewGeometry& geometry : found) {
+    const bool is_known = std::ranges::any_of(distinct, [&](const TwoViewGeometry& other) {
+      return AngleBetweenDeg(other.query_from_reference.rotation, geometry.query_from_reference.rotation) < kSamePoseDeg;
+    });
+    if (geometry.status != TwoViewStatus::kTooFewMatches && !is_known) distinct.push_back(std::move(geometry));
+  }
+  return distinct;
+}
+
+MatchedViews Explain(const Matcher& matcher, const ObjectView& reference, const ObjectView& query, int turn,
+                     const ViewMatchingOptions& options) {
+  MatchedViews matched{MatchTurned(matcher, reference, query, turn), {}, {}, turn};
+  matched.geometry.is_inlier.assign(matched.correspondences.size(), 0);
+  matched.alternatives = Explanations(matched.correspondences, reference, query, options);
+  if (matched.alternatives.empty()) return matched;
+  matched.geometry = std::move(matched.alternatives.front());
+  matched.alternatives.erase(matched.alternatives.begin());
+  return matched;
+}
+
 }  // namespace
 
 void ViewMatchingOptions::Check() const {
@@ -43,9 +84,7 @@ MatchedViews MatchObjectViews(const Matcher& matcher, const ObjectView& referenc
   options.Check();
   MatchedViews best;
   for (const int turn : options.quarter_turns) {
-    MatchedViews candidate{MatchTurned(matcher, reference, query, turn), {}, turn};
-    candidate.geometry =
-        EstimateTwoViewGeometry(candidate.correspondences, {reference.camera, query.camera}, options.geometry);
+    MatchedViews candidate = Explain(matcher, reference, query, turn, options);
     if (candidate.geometry.inliers > best.geometry.inliers || best.correspondences.size() == 0) best = std::move(candidate);
     if (best.geometry.inliers >= options.enough_inliers) break;
   }

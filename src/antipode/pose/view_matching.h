@@ -16,14 +16,18 @@ struct ViewMatchingOptions {
   /// features stand some 30 degrees of in-plane rotation, not 90.
   std::vector<int> quarter_turns{0, 1, 3, 2};
   int enough_inliers = 80;  ///< so many, and no further turn is tried
-  TwoViewGeometryOptions geometry;
+  /// Rotations query_crop_from_reference_crop that matches are refined from, beside the one they give themselves.
+  std::vector<Eigen::Matrix3d> starts = {};
+  double capture_px = 25;   ///< matches within this distance of a start's epipolar lines speak for it
+  TwoViewGeometryOptions geometry = {};
   void Check() const;
 };
 
 /// Correspondences between two object-centric crops and the pose that they give.
 struct MatchedViews {
   Correspondences correspondences;  ///< pixels of the crops, on the object in both
-  TwoViewGeometry geometry;         ///< between the crop cameras
+  TwoViewGeometry geometry;         ///< between the crop cameras: the one with the most inliers
+  std::vector<TwoViewGeometry> alternatives;  ///< what else the matches may mean, most inliers first
   int quarter_turns = 0;            ///< the turn that matched best
 };
 

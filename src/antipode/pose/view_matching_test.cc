@@ -44,6 +44,7 @@ class UprightMatcher : public Matcher {
 
 ObjectView MarkedView() {
   ObjectView view;
+  view.distance = 4;
   view.image = cv::Mat(kSide, kSide, CV_8UC3, cv::Scalar::all(100));
   view.image.at<cv::Vec3b>(0, 0)[0] = 7;
   view.mask = cv::Mat(kSide, kSide, CV_8UC1, cv::Scalar(255));
@@ -71,6 +72,19 @@ TEST(MatchObjectViews, StopsOnceThereAreEnoughInliers) {
   const UprightMatcher matcher(view, view, {rotation, Eigen::Vector3d(0, 0, 4) - rotation * Eigen::Vector3d(0, 0, 4)}, 0);
   MatchObjectViews(matcher, view, view, {.enough_inliers = 40});
   EXPECT_EQ(matcher.calls, 1);
+}
+
+TEST(MatchObjectViews, ListsWhatElseTheMatchesMayMeanNearTheStarts) {
+  const ObjectView view = MarkedView();
+  const Eigen::Matrix3d rotation = RotationAboutY(0.5), far = RotationAboutY(-2.5);
+  const UprightMatcher matcher(view, view, {rotation, Eigen::Vector3d(0, 0, 4) - rotation * Eigen::Vector3d(0, 0, 4)}, 0);
+  const Eigen::Matrix3d near = RotationAboutX(0.05) * rotation;
+  const MatchedViews matched = MatchObjectViews(matcher, view, view, {.starts = {near, far}});
+  EXPECT_EQ(matched.geometry.inliers, 50);
+  for (const TwoViewGeometry& other : matched.alternatives) {
+    EXPECT_LE(other.inliers, matched.geometry.inliers);
+    EXPECT_GT(AngleBetweenDeg(other.query_from_reference.rotation, rotation), 5) << "one that is there already";
+  }
 }
 
 TEST(MatchObjectViews, LeavesOutMatchesBesideTheObject) {

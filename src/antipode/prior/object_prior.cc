@@ -122,10 +122,8 @@ std::vector<RotationMode> ObjectPrior::Compare(const torch::Tensor& reference_co
   return posterior_->FindModes(Correlation(reference_code, query_code), options);
 }
 
-double ObjectPrior::MassAround(const torch::Tensor& reference_code, const torch::Tensor& query_code,
-                               const Eigen::Matrix3d& query_crop_from_reference_crop) const {
-  return posterior_->MassAround(Correlation(reference_code, query_code), query_crop_from_reference_crop,
-                                {.temperature = calibration_.temperature});
+GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code) const {
+  return posterior_->OnGrid(Correlation(reference_code, query_code), {.temperature = calibration_.temperature});
 }
 
 double ObjectPrior::Confidence(double mode_probability) const {

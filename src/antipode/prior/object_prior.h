@@ -54,9 +54,8 @@ class ObjectPrior {
   std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,
                                     PosteriorOptions options = {}) const;
 
-  /// Posterior mass within 15 degrees of a rotation that was found in another way.
-  double MassAround(const torch::Tensor& reference_code, const torch::Tensor& query_code,
-                    const Eigen::Matrix3d& query_crop_from_reference_crop) const;
+  /// The whole posterior, at the calibrated temperature; valid as long as this prior.
+  GridPosterior OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code) const;
 
   /// The stacked C_l of a pair (see correlation.h), not yet divided by the temperature.
   Eigen::VectorXf Correlation(const torch::Tensor& reference_code, const torch::Tensor& query_code) const;

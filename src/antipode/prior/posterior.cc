@@ -47,6 +47,14 @@ double LogOdds(double probability) {
   return std::log(inside / (1 - inside));
 }
 
+double GridPosterior::MassAround(const Eigen::Matrix3d& rotation, double radius_deg) const {
+  const double least_trace = TraceAtAngle(radius_deg);
+  double mass = 0;
+  for (std::size_t g = 0; g < rotations.size(); ++g)
+    if (TraceOfDifference(rotation, rotations[g]) >= least_trace) mass += weights[static_cast<Eigen::Index>(g)];
+  return mass;
+}
+
 RotationPosterior::RotationPosterior(int max_degree, int grid_size)
     : max_degree_(max_degree),
       grid_(SuperFibonacciRotations(grid_size)),
@@ -108,15 +116,8 @@ Eigen::VectorXf RotationPosterior::CheckedGridScores(const Eigen::VectorXf& corr
   return scores;
 }
 
-double RotationPosterior::MassAround(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation,
-                                     const PosteriorOptions& options) const {
-  const Eigen::VectorXf scores = CheckedGridScores(correlation, options);
-  const Eigen::VectorXd weights = GridWeights(scores);
-  const double mass_trace = TraceAtAngle(options.mass_radius_deg);
-  double mass = 0;
-  for (std::size_t g = 0; g < grid_.size(); ++g)
-    if (TraceOfDifference(rotation, grid_[g]) >= mass_trace) mass += weights[g];
-  return mass;
+GridPosterior RotationPosterior::OnGrid(const Eigen::VectorXf& correlation, const PosteriorOptions& options) const {
+  return {grid_, GridWeights(CheckedGridScores(correlation, options))};
 }
 
 std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& correlation,

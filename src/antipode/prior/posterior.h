@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -27,6 +28,15 @@ struct PosteriorOptions {
 /// log(p / (1 - p)), finite for every p in 0..1.
 double LogOdds(double probability);
 
+/// The posterior's mass at every rotation of a grid.
+struct GridPosterior {
+  std::span<const Eigen::Matrix3d> rotations;  ///< query_from_reference
+  Eigen::VectorXd weights;                     ///< sum to 1
+
+  /// Mass within `radius_deg` of a rotation.
+  double MassAround(const Eigen::Matrix3d& rotation, double radius_deg = 15) const;
+};
+
 /// Evaluates and maximises band-limited scores s(R) = sum_l <C_l, D_l(R)> over SO(3).
 class RotationPosterior {
  public:
@@ -39,9 +49,8 @@ class RotationPosterior {
   std::vector<RotationMode> FindModes(const Eigen::VectorXf& correlation,
                                       const PosteriorOptions& options = {}) const;
 
-  /// Posterior mass within `mass_radius_deg` of `rotation`.
-  double MassAround(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation,
-                    const PosteriorOptions& options = {}) const;
+  /// The result refers to this object's grid.
+  GridPosterior OnGrid(const Eigen::VectorXf& correlation, const PosteriorOptions& options = {}) const;
 
   /// s(R) of every rotation of the grid.
   Eigen::VectorXf GridScores(const Eigen::VectorXf& correlation) const { return grid_wigner_ * correlation; }

@@ -145,8 +145,10 @@ TEST(RotationPosterior, TheMassAroundAPeakIsItsProbability) {
   std::mt19937_64 random(8);
   const Eigen::VectorXf correlation = Correlate(RandomCode(random, 2), RandomCode(random, 2));
   const auto modes = Posterior().FindModes(correlation);
-  EXPECT_NEAR(Posterior().MassAround(correlation, modes.front().rotation), modes.front().probability, 1e-9);
-  EXPECT_NEAR(Posterior().MassAround(correlation, RandomRotation(random), {.mass_radius_deg = 179.9}), 1, 2e-3);
+  const GridPosterior on_grid = Posterior().OnGrid(correlation);
+  EXPECT_NEAR(on_grid.weights.sum(), 1, 1e-9);
+  EXPECT_NEAR(on_grid.MassAround(modes.front().rotation), modes.front().probability, 1e-9);
+  EXPECT_NEAR(on_grid.MassAround(RandomRotation(random), 179.9), 1, 2e-3);
 }
 
 TEST(RotationPosterior, RefusesImpossibleOptions) {
