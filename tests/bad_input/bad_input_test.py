@@ -135,6 +135,53 @@ def add_cameras(corpus):
     corpus.succeeds("camera file", "--reference-camera", corpus.file("camera.json", json.dumps(good)))
 
 
+def add_hard_pairs(corpus):
+    """Pictures that a matcher makes nothing of: a stated failure, or a pose that is not sure of itself."""
+    flat = corpus.file("flat.png", png(WIDTH, HEIGHT, lambda x, y: (90, 120, 150) if abs(x - 48) < 10 and abs(y - 36) < 30
+                                       else (235, 236, 238)))
+    tiny_object = lambda x, y: 4 < x < 12 and 4 < y < 12  # noqa: E731
+    tiny = corpus.file("tiny.png", png(16, 16, lambda x, y: (20 * x, 15 * y, 90) if tiny_object(x, y) else (255, 255, 255)))
+    stripes = corpus.file("stripes.png", png(WIDTH, HEIGHT, lambda x, y: ((255, 40, 40) if (x + y) % 8 < 4 else (20, 20, 200))
+                                             if in_object(x, y) else (235, 236, 238)))
+
+    def unsure(name, query, *options, reference=None):
+        """Fails and says so, or doubts its own result."""
+        def check():
+            out, done = corpus.pose(*options, reference=reference, query=query, name=name.replace(" ", "_"))
+            if done.returncode == 1:
+                expect(done.stderr.count("\n") == 1 and "--method auto" in done.stderr, done.stderr)
+                return
+            expect(done.returncode == 0, done.stderr)
+            confidence = json.loads((out / "pose.json").read_text())["confidence"]
+            expect(confidence < 0.5, f"confidence {confidence}")
+        corpus.checks.append((name, check))
+
+    for method in ("matching", "auto"):
+        unsure(f"{method} without texture", flat, "--method", method)
+        unsure(f"{method} of 16 pixels", tiny, "--method", method)
+        unsure(f"{method} of another object", stripes, "--method", method)
+
+    def identical():
+        out, done = corpus.pose("--method", "auto", query=corpus.good, name="identical")
+        expect(done.returncode == 0, done.stderr)
+        pose = json.loads((out / "pose.json").read_text())
+        expect(pose["rotation_angle_deg"] < 1, f"turned by {pose['rotation_angle_deg']} degrees")
+    corpus.checks.append(("auto of identical pictures", identical))
+
+
+def add_depths(corpus):
+    method = ("--method", "sift+depth-pnp")
+    corpus.fails("depth not given", *method, mentions=["--reference-depth"])
+    corpus.fails("depth missing", *method, "--reference-depth", "no_depth.png", mentions=["no_depth.png"])
+    corpus.fails("depth of 8 bits", *method, "--reference-depth", corpus.good_mask, mentions=["good_mask.png", "16-bit"])
+    small = corpus.file("small_depth.png", png(20, 20, lambda x, y: (100,), 1, 16))
+    corpus.fails("depth of another size", *method, "--reference-depth", small, mentions=["small_depth.png", "size"])
+    depth = corpus.file("depth.png", png(WIDTH, HEIGHT, lambda x, y: (100,), 1, 16))
+    corpus.fails("depth unit", *method, "--reference-depth", depth, "--reference-depth-unit", "0",
+                 mentions=["--reference-depth-unit"], code=2)
+    corpus.succeeds("depth that is not used", "--method", "prior", "--reference-depth", depth, warning="depth is not used")
+
+
 def add_weights(corpus):
     """Damaged weights; model.json fits the damaged file unless the damage is a wrong sha256 or size."""
     source = corpus.program.model
@@ -231,7 +278,7 @@ def main(arguments):
     require_files(program)
     with tempfile.TemporaryDirectory(prefix="antipode-bad-input-") as folder:
         corpus = Corpus(program, pathlib.Path(folder), pathlib.Path(arguments[2]))
-        for add in (add_pictures, add_masks, add_cameras, add_weights, add_usage):
+        for add in (add_pictures, add_masks, add_cameras, add_hard_pairs, add_depths, add_weights, add_usage):
             add(corpus)
         return run_checks(corpus.checks)
 

@@ -17,8 +17,8 @@ from program import Program, expect, mask, photo, require_files, run_checks
 
 COMMANDS = ("pose", "match", "render", "evaluate", "train prior", "models list", "models verify", "models import", "doctor")
 KEYS = {
-    "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "reference",
-         "query", "timings_s", "warnings"),
+    "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "evidence",
+         "reference", "query", "timings_s", "warnings"),
     "query_from_reference": ("rotation", "quaternion_wxyz", "translation", "translation_unit"),
     "reference": ("path", "camera"),
     "timings_s": ("load", "total"),
@@ -111,6 +111,12 @@ class Contract:
             expect(self.pose("--method", method)["method"] == method, method)
         done = self.program.run("pose", self.a, self.b, "--method", "machting")
         expect(done.returncode == 2 and "did you mean matching?" in done.stderr, done.stderr)
+
+    def check_hypotheses_say_where_they_come_from(self):
+        result = self.pose("--method", "auto", query=self.a)
+        sources = {hypothesis["source"] for hypothesis in result["hypotheses"]}
+        expect(sources <= {"prior", "matching"} and sources, sources)
+        expect({"matches", "inliers"} <= set(result["evidence"]), result["evidence"])
 
     def check_match(self):
         picture = self.folder / "matches.png"

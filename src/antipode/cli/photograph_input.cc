@@ -9,6 +9,7 @@
 #include "antipode/image/camera_spec.h"
 #include "antipode/image/load.h"
 #include "antipode/image/mask.h"
+#include "antipode/matching/depth_pose.h"
 #include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
@@ -79,6 +80,13 @@ void PhotographRequest::Declare(CLI::App& app, const std::string& role) {
                  "fov=DEGREES, f=PIXELS, fx,fy,cx,cy, or a JSON or COLMAP cameras.txt file; "
                  "without: EXIF, else 50 degrees")
       ->type_name("CAMERA")->group(group);
+  CLI::Option* depth_option =
+      app.add_option("--" + role + "-depth", depth,
+                     "Depths along the optical axis, for the methods with +depth-: a 16-bit PNG in millimetres, or a "
+                     "float32 TIFF in metres; 0 where unknown")
+          ->type_name("FILE")->group(group);
+  app.add_option("--" + role + "-depth-unit", depth_unit, "Other unit of these depths, in metres")
+      ->type_name("METRES")->needs(depth_option)->group(group);
 }
 
 PhotographInput LoadPhotograph(const PhotographRequest& request, const std::string& role) {
@@ -91,6 +99,11 @@ PhotographInput LoadPhotograph(const PhotographRequest& request, const std::stri
     return FindObjectMask(image, mask_request, request.path);
   });
   PhotographInput input{{image.rgb, mask.mask, camera.camera}, request.path, mask.source, camera.source, {}};
+  if (request.depth) {
+    input.photograph.depth = WithOptionName("--" + role + "-depth-unit", "depth unit", [&] {
+      return LoadDepth(*request.depth, image.rgb.size(), request.depth_unit);
+    });
+  }
   for (const std::string& warning : mask.warnings) input.warnings.push_back(role + ": " + warning);
   if (camera.source == "assumed") {
     input.warnings.push_back(role + ": the camera is not known, a field of view of 50 degrees is assumed; " +

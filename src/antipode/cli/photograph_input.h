@@ -13,9 +13,10 @@ namespace antipode {
 /// What the command line says about one photograph.
 struct PhotographRequest {
   std::string path;
-  std::optional<std::string> mask, box, camera;
+  std::optional<std::string> mask, box, camera, depth;
+  std::optional<double> depth_unit;
 
-  /// Declares the positional argument and --ROLE-mask, --ROLE-box, --ROLE-camera.
+  /// Declares the positional argument and --ROLE-mask, --ROLE-box, --ROLE-camera, --ROLE-depth, --ROLE-depth-unit.
   /// @param role "reference" or "query"
   void Declare(CLI::App& app, const std::string& role);
 };

@@ -74,8 +74,14 @@ class PoseCommand : public Command {
     result.load_seconds = SecondsSinceProcessStart();
     const SceneView reference{"reference", result.reference.photograph, {}}, query{"query", result.query.photograph, {}};
     result.pose = method.estimate({"photographs", reference, query});
+    WarnOfUnusedDepth(result.pose);
     result.total_seconds = SecondsSinceProcessStart();
     return result;
+  }
+
+  void WarnOfUnusedDepth(TwoViewPose& pose) const {
+    if ((reference_.depth || query_.depth) && pose.length_unit != LengthUnit::kDepth)
+      pose.warnings.push_back("depth is not used by --method " + method_.method + "; try --method sift+depth-pnp");
   }
 
   void Print(const PoseResult& result) const {

@@ -21,10 +21,16 @@ Json RowsOf(const Eigen::Matrix3d& matrix) {
 
 Json ListOf(const Eigen::VectorXd& vector) { return std::vector<double>(vector.begin(), vector.end()); }
 
-/// Lengths are in object radii inside the program.
-double UnitsPerRadius(const PoseResult& result) { return 0.5 * result.object_size.value_or(2); }
+bool IsInMetres(const PoseResult& result) {
+  return result.object_size || result.pose.length_unit == LengthUnit::kDepth;
+}
 
-std::string UnitOf(const PoseResult& result) { return result.object_size ? "metre" : "object radius"; }
+/// What the lengths of the pose are multiplied by.
+double Scale(const PoseResult& result) {
+  return result.pose.length_unit == LengthUnit::kDepth ? 1 : 0.5 * result.object_size.value_or(2);
+}
+
+std::string UnitOf(const PoseResult& result) { return IsInMetres(result) ? "metre" : "object radius"; }
 
 Json HypothesisJson(const PoseHypothesis& hypothesis, double scale) {
   const Rigid3& pose = hypothesis.query_from_reference;
@@ -32,7 +38,8 @@ Json HypothesisJson(const PoseHypothesis& hypothesis, double scale) {
           {"quaternion_wxyz", ListOf(QuaternionWxyz(pose.rotation))},
           {"translation", ListOf(scale * pose.translation)},
           {"rotation_angle_deg", RotationAngleDeg(pose.rotation)},
-          {"probability", hypothesis.probability}};
+          {"probability", hypothesis.probability},
+          {"source", hypothesis.source}};
 }
 
 Json TimingsJson(const PoseResult& result) {
@@ -82,7 +89,7 @@ std::vector<std::string> PoseResult::Warnings() const {
 
 Json ToJson(const PoseResult& result) {
   const Rigid3& pose = result.pose.query_from_reference;
-  const double scale = UnitsPerRadius(result);
+  const double scale = Scale(result);
   Json hypotheses = Json::array();
   for (const PoseHypothesis& hypothesis : result.pose.hypotheses)
     hypotheses.push_back(HypothesisJson(hypothesis, scale));
@@ -97,6 +104,7 @@ Json ToJson(const PoseResult& result) {
           {"rotation_angle_deg", RotationAngleDeg(pose.rotation)},
           {"confidence", result.pose.confidence},
           {"hypotheses", hypotheses},
+          {"evidence", result.pose.evidence},
           {"reference", ToJson(result.reference)},
           {"query", ToJson(result.query)},
           {"timings_s", TimingsJson(result)},
@@ -110,8 +118,8 @@ std::string ToText(const PoseResult& result) {
   text += "(camera axes: x right, y down, z forward)\n\n";
   text += Line("rotation", RotationText(pose.rotation));
   text += Line("quaternion", Formatted("w %.4f  x %.4f  y %.4f  z %.4f", q[0], q[1], q[2], q[3]));
-  text += Line("translation", VectorText(UnitsPerRadius(result) * pose.translation) +
-                                  (result.object_size ? " metres" : " object radii"));
+  text += Line("translation", VectorText(Scale(result) * pose.translation) +
+                                  (IsInMetres(result) ? " metres" : " object radii"));
   text += Line("confidence", Formatted("%.0f %%, ", 100 * result.pose.confidence) +
                                  ConfidenceWords(result.pose.confidence));
   text += "\n" + HypothesesText(result) + "\n";

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 TwoViewPose EstimateFromDepth(const Matcher& matcher, DepthSolver solver, const ObjectPhotograph& reference,
                               const ObjectPhotograph& query) {
   if (reference.depth.empty() || (solver == DepthSolver::kProcrustes && query.depth.empty()))
-    throw Error("depth baseline", "there is no depth", "use --dataset objects, or give depth files");
+    throw Error("depth baseline", "there is no depth", "give --reference-depth");
   const Correspondences matches = matcher.Match(reference.image, query.image);
   const CameraPair cameras{reference.camera, query.camera};
   const auto pose = solver == DepthSolver::kPnp
@@ -27,7 +27,12 @@ TwoViewPose EstimateFromDepth(const Matcher& matcher, DepthSolver solver, const 
   if (!pose) throw Error("depth baseline", "found no consistent pose");
   TwoViewPose result;
   result.query_from_reference = *pose;
+  result.length_unit = LengthUnit::kDepth;
+  result.hypotheses = {{*pose, result.confidence, "matching"}};
   result.evidence["matches"] = static_cast<double>(matches.size());
+  result.reference = MakeObjectView(reference.image, reference.mask, reference.camera);
+  result.query = MakeObjectView(query.image, query.mask, query.camera);
+  result.warnings.emplace_back("a pose from depth has no calibrated confidence; 0 is stated");
   return result;
 }
 

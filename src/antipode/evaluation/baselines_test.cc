@@ -24,6 +24,9 @@ TEST(DepthBaseline, FindsThePoseFromDepthAndFailsWithout) {
   const Rigid3 truth{RotationAboutY(0.4), {0.1, 0.2, 0.3}};
   ObjectPhotograph reference, query;
   reference.camera = query.camera = camera;
+  reference.image = query.image = cv::Mat(200, 200, CV_8UC3, cv::Scalar::all(128));
+  reference.mask = query.mask = cv::Mat::zeros(200, 200, CV_8U);
+  reference.mask(cv::Rect(50, 50, 100, 100)) = 255;
   reference.depth = cv::Mat::zeros(200, 200, CV_32F);
   query.depth = cv::Mat::zeros(200, 200, CV_32F);
   Correspondences points;

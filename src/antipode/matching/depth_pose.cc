@@ -14,6 +14,8 @@
 namespace antipode {
 namespace {
 
+constexpr double kMillimetre = 1e-3;
+
 /// In camera coordinates; nothing where the depth is unknown.
 std::optional<Eigen::Vector3d> Lift(const PinholeCamera& camera, const cv::Mat& depth, const Eigen::Vector2d& pixel) {
   const cv::Point cell(static_cast<int>(std::floor(pixel.x())), static_cast<int>(std::floor(pixel.y())));
@@ -51,7 +53,8 @@ std::vector<PointPair> Agreeing(const std::vector<PointPair>& pairs, const Rigid
 
 }  // namespace
 
-cv::Mat LoadDepth(const std::filesystem::path& path, cv::Size expected, double unit) {
+cv::Mat LoadDepth(const std::filesystem::path& path, cv::Size expected, std::optional<double> unit) {
+  if (unit && !(*unit > 0 && std::isfinite(*unit))) throw InvalidOption("depth unit", "is not a positive number");
   if (!std::filesystem::is_regular_file(path)) throw BadFile(path.string(), "is not a file", "check the path");
   const cv::Mat raw = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
   if (raw.type() != CV_16UC1 && raw.type() != CV_32FC1)
@@ -59,7 +62,7 @@ cv::Mat LoadDepth(const std::filesystem::path& path, cv::Size expected, double u
   if (raw.size() != expected)
     throw BadFile(path.string(), "is of another size than its image", "resize it without interpolation");
   cv::Mat depth;
-  raw.convertTo(depth, CV_32F, unit);
+  raw.convertTo(depth, CV_32F, unit.value_or(raw.type() == CV_16UC1 ? kMillimetre : 1));
   return depth;
 }
 

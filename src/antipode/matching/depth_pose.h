@@ -11,9 +11,10 @@
 namespace antipode {
 
 /// Depths along the optical axis, 32FC1 of the image's size; 0 or not finite where unknown.
-/// A 16-bit file is multiplied by `unit` (0.001 for millimetres); a float32 TIFF too.
+/// @param unit what the file's numbers are multiplied by; without, 0.001 for a 16-bit file (millimetres become
+///   metres) and 1 for a float32 TIFF
 /// @throws BadFile if it is missing, no single-channel 16-bit or float image, or of another size than `expected`
-cv::Mat LoadDepth(const std::filesystem::path& path, cv::Size expected, double unit);
+cv::Mat LoadDepth(const std::filesystem::path& path, cv::Size expected, std::optional<double> unit = {});
 
 struct DepthPoseOptions {
   double reprojection_px = 3;   ///< PnP: greatest distance of an inlier

@@ -29,9 +29,13 @@ struct PoseHypothesis {
   std::string source = "prior"; ///< "prior" or "matching"
 };
 
+enum class LengthUnit { kObjectRadius, kDepth };
+
 /// The relative pose of two photographs: x_query = R x_reference + t.
 struct TwoViewPose {
   Rigid3 query_from_reference;             ///< that of the best hypothesis
+  /// Whether lengths are in object radii, or in the unit of given depths.
+  LengthUnit length_unit = LengthUnit::kObjectRadius;
   double confidence = 0;                   ///< calibrated: how often a rotation error is below 30 degrees
   std::vector<PoseHypothesis> hypotheses;  ///< best first; probabilities sum to at most 1
   ObjectView reference, query;             ///< the object-centric crops that were compared
