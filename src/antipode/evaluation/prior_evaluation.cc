@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <Eigen/Dense>
 
@@ -14,6 +15,8 @@ namespace antipode {
 namespace {
 
 constexpr double kCorrectDeg = 30;
+constexpr double kDifferentObjectsWeight = 1.0 / 6;
+constexpr double kTypicalScore = 10;
 
 /// Mean negative log density of the true rotations at a temperature, against the uniform density.
 double MeanNegativeLogDensity(const Eigen::MatrixXf& grid_scores, const Eigen::VectorXd& true_scores,
@@ -58,39 +61,47 @@ double FitTemperature(const RotationPosterior& posterior, const std::vector<Scor
 }
 
 struct Outcome {
-  double log_odds;
-  double correct;  ///< 1 or 0
+  RotationMode best;
+  double correct = 0;  ///< 1 or 0
+  double weight = 1;
 };
 
-/// Logistic regression by Newton's method, with a weak pull of the slope toward 1 and of the offset
+/// Logistic regression by Newton's method, with a weak pull of the slope toward 1 and of the others
 /// toward 0 so that few or separable outcomes have a solution.
 void FitConfidence(const std::vector<Outcome>& outcomes, PriorCalibration& calibration) {
-  constexpr double kPrior = 1.0;
-  Eigen::Vector2d parameters(1, 0);
+  constexpr double kPull = 1.0;
+  const Eigen::Vector3d origin(1, 0, 0);
+  Eigen::Vector3d parameters = origin;
   for (int step = 0; step < 50; ++step) {
-    Eigen::Vector2d gradient = -kPrior * (parameters - Eigen::Vector2d(1, 0));
-    Eigen::Matrix2d information = kPrior * Eigen::Matrix2d::Identity();
+    Eigen::Vector3d gradient = -kPull * (parameters - origin);
+    Eigen::Matrix3d information = kPull * Eigen::Matrix3d::Identity();
     for (const Outcome& outcome : outcomes) {
-      const Eigen::Vector2d features(outcome.log_odds, 1);
+      const Eigen::Vector3d features(LogOdds(outcome.best.probability), outcome.best.score / kTypicalScore, 1);
       const double probability = 1 / (1 + std::exp(-parameters.dot(features)));
-      gradient += (outcome.correct - probability) * features;
-      information += probability * (1 - probability) * features * features.transpose();
+      gradient += outcome.weight * (outcome.correct - probability) * features;
+      information += outcome.weight * probability * (1 - probability) * features * features.transpose();
     }
-    const Eigen::Vector2d move = information.ldlt().solve(gradient);
+    const Eigen::Vector3d move = information.ldlt().solve(gradient);
     parameters += move;
     if (move.norm() < 1e-9) break;
   }
   calibration.confidence_slope = parameters[0];
-  calibration.confidence_offset = parameters[1];
+  calibration.confidence_score_weight = parameters[1] / kTypicalScore;
+  calibration.confidence_offset = parameters[2];
 }
 
 }  // namespace
 
-std::vector<ScoredPair> ScorePairs(const ObjectPrior& prior, const std::filesystem::path& objects,
-                                   double in_plane_rotation_deg) {
+void ScoredPairs::Append(ScoredPairs more) {
+  std::ranges::move(more.same_object, std::back_inserter(same_object));
+  std::ranges::move(more.different_objects, std::back_inserter(different_objects));
+}
+
+ScoredPairs ScorePairs(const ObjectPrior& prior, const std::filesystem::path& objects, double in_plane_rotation_deg) {
   ObjectProtocolOptions protocol;
   protocol.in_plane_rotation_deg = in_plane_rotation_deg;
-  std::vector<ScoredPair> pairs;
+  ScoredPairs pairs;
+  torch::Tensor reference_before;
   for (const auto& file : FilesWithExtension(objects, ".glb")) {
     std::vector<ObjectView> crops;
     std::vector<Eigen::Matrix3d> rotations;
@@ -101,9 +112,12 @@ std::vector<ScoredPair> ScorePairs(const ObjectPrior& prior, const std::filesyst
       rotations.push_back(crops.back().crop_from_camera * view.camera_from_object.rotation);
     }
     const auto codes = prior.Encode(crops);
-    for (std::size_t i = 1; i < crops.size(); ++i)
-      pairs.push_back({prior.Correlation(codes[0], codes[static_cast<std::int64_t>(i)]),
-                       rotations[i] * rotations[0].transpose()});
+    for (std::size_t i = 1; i < crops.size(); ++i) {
+      const auto query = codes[static_cast<std::int64_t>(i)];
+      pairs.same_object.push_back({prior.Correlation(codes[0], query), rotations[i] * rotations[0].transpose()});
+      if (reference_before.defined()) pairs.different_objects.push_back(prior.Correlation(reference_before, query));
+    }
+    reference_before = codes[0];
   }
   return pairs;
 }
@@ -122,18 +136,18 @@ RotationAccuracy MeasureAccuracy(const ObjectPrior& prior, const std::vector<Sco
   return accuracy;
 }
 
-PriorCalibration FitCalibration(const RotationPosterior& posterior, const std::vector<ScoredPair>& pairs) {
-  if (pairs.empty()) throw Error("calibration", "there are no validation pairs");
+PriorCalibration FitCalibration(const RotationPosterior& posterior, const ScoredPairs& pairs) {
+  if (pairs.same_object.empty()) throw Error("calibration", "there are no validation pairs");
   PriorCalibration calibration;
-  calibration.temperature = FitTemperature(posterior, pairs);
-  PosteriorOptions options;
-  options.temperature = calibration.temperature;
+  calibration.temperature = FitTemperature(posterior, pairs.same_object);
+  const PosteriorOptions options{.temperature = calibration.temperature};
   std::vector<Outcome> outcomes;
-  for (const ScoredPair& pair : pairs) {
+  for (const ScoredPair& pair : pairs.same_object) {
     const RotationMode mode = posterior.FindModes(pair.correlation, options).front();
-    outcomes.push_back({LogOdds(mode.probability),
-                        AngleBetweenDeg(mode.rotation, pair.query_from_reference) < kCorrectDeg ? 1.0 : 0.0});
+    outcomes.push_back({mode, AngleBetweenDeg(mode.rotation, pair.query_from_reference) < kCorrectDeg ? 1.0 : 0.0});
   }
+  for (const Eigen::VectorXf& correlation : pairs.different_objects)
+    outcomes.push_back({posterior.FindModes(correlation, options).front(), 0, kDifferentObjectsWeight});
   FitConfidence(outcomes, calibration);
   return calibration;
 }

@@ -196,7 +196,7 @@ TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& refer
   result.timings_s["crop"] = stopwatch.Lap();
   const PriorOpinion opinion = AskPrior(prior, views, options.hypotheses, result);
   result.query_from_reference = result.hypotheses.front().query_from_reference;
-  result.confidence = prior.Confidence(opinion.modes.front().probability);
+  result.confidence = prior.Confidence(opinion.modes.front());
   Keep(std::move(views), result);
   return result;
 }
@@ -230,7 +230,7 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   const CroppedPair large = Crop(reference, query, {.size = options.matching_size});
   result.timings_s["crop"] = stopwatch.Lap();
   const PriorOpinion opinion = AskPrior(prior, small, options.hypotheses, result);
-  const double prior_confidence = prior.Confidence(opinion.modes.front().probability);
+  const double prior_confidence = prior.Confidence(opinion.modes.front());
   result.confidence = prior_confidence;
 
   ViewMatchingOptions matching = options.matching;

@@ -20,6 +20,7 @@ struct CalibrationField {
 constexpr CalibrationField kCalibrationFields[] = {
     {"temperature", &PriorCalibration::temperature},
     {"confidence_slope", &PriorCalibration::confidence_slope},
+    {"confidence_score_weight", &PriorCalibration::confidence_score_weight},
     {"confidence_offset", &PriorCalibration::confidence_offset},
 };
 
@@ -126,9 +127,9 @@ GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const tor
   return posterior_->OnGrid(Correlation(reference_code, query_code), {.temperature = calibration_.temperature});
 }
 
-double ObjectPrior::Confidence(double mode_probability) const {
-  const double log_odds =
-      calibration_.confidence_slope * LogOdds(mode_probability) + calibration_.confidence_offset;
+double ObjectPrior::Confidence(const RotationMode& best) const {
+  const double log_odds = calibration_.confidence_slope * LogOdds(best.probability) +
+                          calibration_.confidence_score_weight * best.score + calibration_.confidence_offset;
   return 1 / (1 + std::exp(-log_odds));
 }
 

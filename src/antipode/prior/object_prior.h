@@ -23,7 +23,9 @@ torch::Tensor EncoderInput(std::span<const ObjectView> views, int size);
 /// model's metadata.
 struct PriorCalibration {
   double temperature = 1;         ///< of the posterior; `PosteriorOptions::temperature` multiplies it
-  double confidence_slope = 1;    ///< confidence = sigmoid(slope * logit(probability) + offset)
+  /// confidence = sigmoid(slope * logit(probability) + score_weight * score + offset), of the best mode
+  double confidence_slope = 1;
+  double confidence_score_weight = 0;
   double confidence_offset = 0;
 
   std::map<std::string, std::string> ToMetadata() const;
@@ -63,9 +65,10 @@ class ObjectPrior {
   const RotationPosterior& posterior() const { return *posterior_; }
   const PriorCalibration& calibration() const { return calibration_; }
 
-  /// How often the best rotation is within 30 degrees of the truth, given the probability of its mode: a
-  /// logistic function of the mode's log odds, fitted on validation objects; part of the model.
-  double Confidence(double mode_probability) const;
+  /// How often the best rotation is within 30 degrees of the truth: a logistic function of the log odds and the
+  /// score of its mode, fitted on validation objects; part of the model. The probability tells how much better
+  /// the mode is than other rotations; the score, whether the two images look like one object at all.
+  double Confidence(const RotationMode& best) const;
 
  private:
   ObjectEncoder encoder_;

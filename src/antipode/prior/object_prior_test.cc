@@ -84,10 +84,15 @@ TEST(ObjectPrior, ConfidenceIsALogisticFunctionOfTheLogOdds) {
   PriorCalibration calibration;
   calibration.confidence_slope = 0.5;
   calibration.confidence_offset = 1;
+  calibration.confidence_score_weight = 0.1;
   const ObjectPrior prior(SmallEncoder(), torch::kCPU, calibration);
-  EXPECT_NEAR(prior.Confidence(0.5), 1 / (1 + std::exp(-1.0)), 1e-12);
-  EXPECT_LT(prior.Confidence(0), prior.Confidence(0.3));
-  EXPECT_LE(prior.Confidence(1), 1);
+  const auto confidence = [&](double probability, double score = 0) {
+    return prior.Confidence({Eigen::Matrix3d::Identity(), probability, score});
+  };
+  EXPECT_NEAR(confidence(0.5), 1 / (1 + std::exp(-1.0)), 1e-12);
+  EXPECT_NEAR(confidence(0.5, -10), 0.5, 1e-12);
+  EXPECT_LT(confidence(0), confidence(0.3));
+  EXPECT_LE(confidence(1), 1);
   const auto metadata = calibration.ToMetadata();
   EXPECT_EQ(PriorCalibration::FromMetadata(metadata, "x").confidence_offset, 1);
   EXPECT_THROW(PriorCalibration::FromMetadata({{"temperature", "-1"}}, "x"), BadFile);

@@ -336,12 +336,13 @@ class Trainer {
       const ObjectPrior prior(AveragedEncoder(), device_);
       auto pairs = ScorePairs(prior, options_.validation_objects, 0);
       auto rolled = ScorePairs(prior, options_.validation_objects, 45);
-      const RotationAccuracy level = MeasureAccuracy(prior, pairs), tilted = MeasureAccuracy(prior, rolled);
+      const RotationAccuracy level = MeasureAccuracy(prior, pairs.same_object);
+      const RotationAccuracy tilted = MeasureAccuracy(prior, rolled.same_object);
       char text[96];
       std::snprintf(text, sizeof text, "%.2f,%.2f,%.2f,%.2f", level.within_15, level.within_30, tilted.within_15, tilted.within_30);
       WriteLog(text);
       validation_ = text;
-      std::move(rolled.begin(), rolled.end(), std::back_inserter(pairs));
+      pairs.Append(std::move(rolled));
       calibration_ = FitCalibration(prior.posterior(), pairs);
     }
     SaveAveragedModel();
