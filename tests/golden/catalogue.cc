@@ -6,6 +6,7 @@
 #include "geometry_kinds.h"
 #ifdef ANTIPODE_NEURAL
 #include "loftr_kinds.h"
+#include "zero123_kinds.h"
 #endif
 
 namespace antipode::golden {
@@ -50,6 +51,7 @@ std::vector<CatalogueEntry> Catalogue() {
   std::vector<CatalogueEntry> entries = GeometryKinds();
 #ifdef ANTIPODE_NEURAL
   for (CatalogueEntry& entry : LoftrKinds()) entries.push_back(std::move(entry));
+  for (CatalogueEntry& entry : Zero123Kinds()) entries.push_back(std::move(entry));
 #endif
   return entries;
 }

@@ -7,17 +7,10 @@
 #include "antipode/matching/loftr.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/util/error.h"
+#include "torch_tensors.h"
 
 namespace antipode::golden {
 namespace {
-
-NumericTensor FromTorchTensor(const torch::Tensor& tensor) {
-  const auto values = tensor.to(torch::kDouble).contiguous();
-  NumericTensor result(tensor.sizes().vec());
-  result.values.assign(values.const_data_ptr<double>(),
-                       values.const_data_ptr<double>() + values.numel());
-  return result;
-}
 
 /// [H, W], [1, H, W] or [1, 1, H, W] -> [1, 1, H, W].
 torch::Tensor StoredImage(const GoldenCase& golden_case, const std::string& name) {
