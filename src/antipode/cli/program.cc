@@ -34,6 +34,7 @@ class CommandTable {
     root_.require_subcommand(1);
     Declare(root_, MakePoseCommand());
     Declare(root_, MakeMatchCommand());
+    Declare(root_, MakeSynthesizeCommand());
     Declare(root_, MakeRenderCommand());
     Declare(root_, MakeEvaluateCommand());
     Declare(root_, MakeTrainCommand());

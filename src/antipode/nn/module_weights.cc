@@ -56,16 +56,23 @@ HostTensor FromTorch(const torch::Tensor& tensor) {
   return result;
 }
 
-void LoadInto(torch::nn::Module& module, const TensorFile& file, const std::string& source) {
+void LoadInto(torch::nn::Module& module, const LazyTensorFile& file, const std::string& source) {
   const auto targets = TensorsOf(module);
   std::map<std::string, TensorShape> expected;
   for (const auto& [name, tensor] : targets) expected[name] = tensor.sizes().vec();
-  TensorFile counted = file;
+  LazyTensorFile counted = file;
   std::erase_if(counted.tensors, [](const auto& item) { return item.first.ends_with("num_batches_tracked"); });
   CheckTensors(counted, expected, source);
-  CheckFinite(counted, source);
   const torch::NoGradGuard no_gradient;
-  for (const auto& [name, tensor] : targets) torch::Tensor(tensor).copy_(ToTorch(counted.tensors.at(name)));
+  for (const auto& [name, tensor] : targets) {
+    const HostTensor values = counted.tensors.at(name).read();
+    CheckFinite(values, name, source);
+    torch::Tensor(tensor).copy_(ToTorch(values));
+  }
+}
+
+void LoadInto(torch::nn::Module& module, const TensorFile& file, const std::string& source) {
+  LoadInto(module, LazyViewOf(file), source);
 }
 
 TensorFile WeightsOf(const torch::nn::Module& module) {

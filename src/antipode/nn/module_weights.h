@@ -16,6 +16,9 @@ HostTensor FromTorch(const torch::Tensor& tensor);              ///< a copy, fro
 /// @throws BadFile listing all missing, extra and wrongly shaped tensors, or the ones that are not finite
 void LoadInto(torch::nn::Module& module, const TensorFile& file, const std::string& source);
 
+/// The same, tensor by tensor: the memory holds the module and one tensor.
+void LoadInto(torch::nn::Module& module, const LazyTensorFile& file, const std::string& source);
+
 /// All parameters and floating-point buffers by name.
 TensorFile WeightsOf(const torch::nn::Module& module);
 

@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::size_t kMaxListed = 20;
 
-std::vector<std::string> FindProblems(const TensorFile& file,
+template <typename File>
+std::vector<std::string> FindProblems(const File& file,
                                       const std::map<std::string, TensorShape>& expected) {
   std::vector<std::string> problems;
   for (const auto& [name, shape] : expected) {
@@ -52,11 +53,7 @@ bool IsFinite(const HostTensor& tensor) {
   }
 }
 
-}  // namespace
-
-void CheckTensors(const TensorFile& file, const std::map<std::string, TensorShape>& expected,
-                  const std::string& file_name) {
-  const std::vector<std::string> problems = FindProblems(file, expected);
+void ThrowIfAny(const std::vector<std::string>& problems, const std::string& file_name) {
   if (problems.empty()) return;
   std::string listed;
   for (std::size_t i = 0; i < std::min(problems.size(), kMaxListed); ++i) {
@@ -67,6 +64,18 @@ void CheckTensors(const TensorFile& file, const std::map<std::string, TensorShap
   }
   throw BadFile(file_name, "the weights do not fit this network: " + listed,
                 "give the weights of this network and version");
+}
+
+}  // namespace
+
+void CheckTensors(const TensorFile& file, const std::map<std::string, TensorShape>& expected,
+                  const std::string& file_name) {
+  ThrowIfAny(FindProblems(file, expected), file_name);
+}
+
+void CheckTensors(const LazyTensorFile& file, const std::map<std::string, TensorShape>& expected,
+                  const std::string& file_name) {
+  ThrowIfAny(FindProblems(file, expected), file_name);
 }
 
 void CheckFinite(const TensorFile& file, const std::string& file_name) {

@@ -16,6 +16,8 @@ using TensorShape = std::vector<std::int64_t>;
 ///         how many more there are
 void CheckTensors(const TensorFile& file, const std::map<std::string, TensorShape>& expected,
                   const std::string& file_name);
+void CheckTensors(const LazyTensorFile& file, const std::map<std::string, TensorShape>& expected,
+                  const std::string& file_name);
 
 /// @throws BadFile naming `file_name` and the first tensor with a value that is NaN or infinite
 void CheckFinite(const TensorFile& file, const std::string& file_name);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -348,8 +349,9 @@ std::optional<std::string> FindTorchFolder(const ZipArchive& archive) {
   return std::nullopt;
 }
 
-TensorFile ReadZipCheckpoint(const InputFile& file, const ZipArchive& archive,
-                             const std::string& folder, const TensorFilter& is_wanted) {
+/// Where the tensors of a zip checkpoint are.
+StoredTensors FindInZipCheckpoint(const InputFile& file, const ZipArchive& archive, const std::string& folder,
+                                  const TensorFilter& is_wanted) {
   if (archive.entries().contains(folder + "constants.pkl")) {
     throw BadFile(file.subject(), "is a TorchScript program, not a checkpoint", kSaveStateDict);
   }
@@ -360,17 +362,25 @@ TensorFile ReadZipCheckpoint(const InputFile& file, const ZipArchive& archive,
   }
   const std::string bytes = archive.ReadText(folder + "data.pkl", kMaxPickleBytes);
   const Pickle pickle = ReadPickle(bytes, file.subject());
-  const StoredTensors tensors = Collector(file.subject(), is_wanted).Collect(*pickle.root);
+  StoredTensors tensors = Collector(file.subject(), is_wanted).Collect(*pickle.root);
   CheckTotalSize(tensors, file);
-  return Materialize(tensors, [&](const Storage& storage) {
-    const std::string name = folder + "data/" + storage.key;
-    std::vector<std::byte> bytes = archive.Read(name);
-    if (bytes.size() < storage.bytes()) {
-      throw BadFile(file.subject(), "the storage " + Quoted(storage.key) + " is cut short",
-                    kDamaged);
-    }
-    bytes.resize(storage.bytes());
-    return bytes;
+  return tensors;
+}
+
+std::vector<std::byte> ReadZipStorage(const std::string& subject, const ZipArchive& archive, const std::string& folder,
+                                      const Storage& storage) {
+  std::vector<std::byte> bytes = archive.Read(folder + "data/" + storage.key);
+  if (bytes.size() < storage.bytes()) {
+    throw BadFile(subject, "the storage " + Quoted(storage.key) + " is cut short", kDamaged);
+  }
+  bytes.resize(storage.bytes());
+  return bytes;
+}
+
+TensorFile ReadZipCheckpoint(const InputFile& file, const ZipArchive& archive,
+                             const std::string& folder, const TensorFilter& is_wanted) {
+  return Materialize(FindInZipCheckpoint(file, archive, folder, is_wanted), [&](const Storage& storage) {
+    return ReadZipStorage(file.subject(), archive, folder, storage);
   });
 }
 
@@ -528,6 +538,22 @@ TensorFile ReadFileOrMember(const std::filesystem::path& path, const std::string
 bool IsAnyTensor(const std::string&) { return true; }
 
 }  // namespace
+
+LazyTensorFile OpenPytorchCheckpoint(const std::filesystem::path& path) {
+  const auto file = std::make_shared<const InputFile>(path);
+  const auto archive = IsZip(*file) ? std::make_shared<const ZipArchive>(*file) : nullptr;
+  const std::optional<std::string> folder = archive ? FindTorchFolder(*archive) : std::nullopt;
+  if (!folder) return LazyCopyOf(ReadPytorchCheckpoint(path));
+  LazyTensorFile lazy;
+  for (const auto& [name, tensor] : FindInZipCheckpoint(*file, *archive, *folder, IsAnyTensor)) {
+    const auto read = [file, archive, folder = *folder, tensor = tensor] {
+      const std::vector<std::byte> storage = ReadZipStorage(file->subject(), *archive, folder, tensor.storage);
+      return HostTensor{tensor.storage.dtype, tensor.shape, CopyView(tensor, storage)};
+    };
+    lazy.tensors[name] = {tensor.storage.dtype, tensor.shape, read};
+  }
+  return lazy;
+}
 
 TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path) {
   return ReadFileOrMember(path, "", IsAnyTensor);

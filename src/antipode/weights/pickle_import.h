@@ -31,4 +31,8 @@ TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const Tensor
 /// whatever folder; a checkpoint itself is read whatever its name.
 TensorFile ReadPytorchCheckpoint(const std::filesystem::path& path, const std::string& member);
 
+/// The tensors of a checkpoint that is a zip archive, each read from it when it is asked for: besides it, memory holds
+/// one storage. Other checkpoints are read as a whole.
+LazyTensorFile OpenPytorchCheckpoint(const std::filesystem::path& path);
+
 }  // namespace antipode

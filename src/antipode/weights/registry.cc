@@ -149,9 +149,22 @@ SafetensorsReader OpenVerified(const ModelEntry& entry) {
   return reader;
 }
 
-std::string SourceOf(const TensorFile& tensors) {
-  const auto found = tensors.metadata.find("source");
-  return found == tensors.metadata.end() ? "" : found->second;
+std::string SourceOf(const std::map<std::string, std::string>& metadata) {
+  const auto found = metadata.find("source");
+  return found == metadata.end() ? "" : found->second;
+}
+
+/// A value that is not finite ends the reading.
+LazyTensorFile CheckedWhenRead(const LazyTensorFile& file, const std::string& file_name) {
+  LazyTensorFile checked = file;
+  for (auto& [name, tensor] : checked.tensors) {
+    tensor.read = [read = tensor.read, name = name, file_name] {
+      HostTensor values = read();
+      CheckFinite(values, name, file_name);
+      return values;
+    };
+  }
+  return checked;
 }
 
 std::string FormatDescription(const ModelEntry& entry) {
@@ -202,7 +215,13 @@ TensorFile LoadModel(const std::string& name) {
   return tensors;
 }
 
-ModelEntry SaveModel(const fs::path& directory, const std::string& name, const TensorFile& tensors,
+LazyTensorFile OpenModel(const std::string& name) {
+  const ModelEntry entry = FindModel(name);
+  OpenVerified(entry);
+  return CheckedWhenRead(OpenSafetensors(entry.file), entry.file.string());
+}
+
+ModelEntry SaveModel(const fs::path& directory, const std::string& name, const LazyTensorFile& tensors,
                      const std::string& description, const std::string& licence,
                      const std::string& card) {
   if (!IsPlainName(name)) {
@@ -214,17 +233,23 @@ ModelEntry SaveModel(const fs::path& directory, const std::string& name, const T
   entry.name = name;
   entry.description = description;
   entry.licence = licence;
-  entry.source = SourceOf(tensors);
+  entry.source = SourceOf(tensors.metadata);
   entry.file = folder / kTensorFile;
   entry.tensor_count = tensors.tensors.size();
-  CheckFinite(tensors, entry.file.string());
   FormatDescription(entry);
-  WriteSafetensors(entry.file, tensors);
+  WriteSafetensors(entry.file, CheckedWhenRead(tensors, entry.file.string()));
   entry.bytes = fs::file_size(entry.file);
   entry.sha256 = Sha256OfFile(entry.file);
   WriteFileAtomically(folder / kCardFile, card);
   WriteFileAtomically(folder / kDescriptionFile, FormatDescription(entry));
   return entry;
+}
+
+ModelEntry SaveModel(const fs::path& directory, const std::string& name, const TensorFile& tensors,
+                     const std::string& description, const std::string& licence,
+                     const std::string& card) {
+  CheckFinite(tensors, (directory / name / kTensorFile).string());
+  return SaveModel(directory, name, LazyViewOf(tensors), description, licence, card);
 }
 
 }  // namespace antipode

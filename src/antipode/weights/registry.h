@@ -42,6 +42,9 @@ void VerifyModel(const ModelEntry& entry);
 /// Verifies, then reads all tensors.
 TensorFile LoadModel(const std::string& name);
 
+/// Verifies size, sha256 and tensor count; each tensor is checked for finite values when it is read.
+LazyTensorFile OpenModel(const std::string& name);
+
 /// Writes model.safetensors, card.md and model.json into `directory / name`, each atomically,
 /// model.json last: an interrupted save leaves no model, or one that fails verification, never a
 /// wrong one. The field "source" comes from the metadata `source` of `tensors`.
@@ -50,6 +53,11 @@ TensorFile LoadModel(const std::string& name);
 /// @throws BadFile naming a tensor with a value that is not finite
 ModelEntry SaveModel(const std::filesystem::path& directory, const std::string& name,
                      const TensorFile& tensors, const std::string& description,
+                     const std::string& licence, const std::string& card);
+
+/// The same, tensor by tensor.
+ModelEntry SaveModel(const std::filesystem::path& directory, const std::string& name,
+                     const LazyTensorFile& tensors, const std::string& description,
                      const std::string& licence, const std::string& card);
 
 }  // namespace antipode

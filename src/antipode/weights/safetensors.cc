@@ -7,6 +7,7 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
@@ -330,25 +331,25 @@ HostTensor ReadTensor(std::istream& stream, const std::filesystem::path& path,
   return tensor;
 }
 
-void CheckWritable(const std::filesystem::path& path, const TensorFile& file) {
-  for (const auto& [name, tensor] : file.tensors) {
-    const std::string subject = path.string() + ": tensor " + Quoted(name);
-    if (name == kMetadataKey) throw Error(subject, "has a reserved name", "rename it");
-    if (tensor.shape.size() > kMaxRank) throw Error(subject, "has too many dimensions");
-    const std::optional<std::uint64_t> needed = ByteCount(tensor.shape, tensor.dtype);
-    if (!needed || *needed != tensor.data.size()) {
-      throw Error(subject, "has " + std::to_string(tensor.data.size()) +
-                               " bytes, which its shape and dtype contradict");
-    }
-  }
+[[noreturn]] void FailToWrite(const std::filesystem::path& path, const std::string& name, const std::string& problem,
+                              const std::string& remedy = {}) {
+  throw Error(path.string() + ": tensor " + Quoted(name), problem, remedy);
 }
 
-std::string FormatHeader(const std::filesystem::path& path, const TensorFile& file) {
+std::uint64_t CheckedByteCount(const std::filesystem::path& path, const std::string& name, const LazyTensor& tensor) {
+  if (name == kMetadataKey) FailToWrite(path, name, "has a reserved name", "rename it");
+  if (tensor.shape.size() > kMaxRank) FailToWrite(path, name, "has too many dimensions");
+  const std::optional<std::uint64_t> bytes = ByteCount(tensor.shape, tensor.dtype);
+  if (!bytes) FailToWrite(path, name, "has an impossible shape");
+  return *bytes;
+}
+
+std::string FormatHeader(const std::filesystem::path& path, const LazyTensorFile& file) {
   nlohmann::json header = nlohmann::json::object();
   if (!file.metadata.empty()) header[kMetadataKey] = file.metadata;
   std::uint64_t offset = 0;
   for (const auto& [name, tensor] : file.tensors) {
-    const std::uint64_t end = offset + tensor.data.size();
+    const std::uint64_t end = offset + CheckedByteCount(path, name, tensor);
     header[name] = {
         {"dtype", Name(tensor.dtype)}, {"shape", tensor.shape}, {"data_offsets", {offset, end}}};
     offset = end;
@@ -516,18 +517,51 @@ TensorFile SafetensorsReader::ReadAll() const {
   return file;
 }
 
-void WriteSafetensors(const std::filesystem::path& path, const TensorFile& file) {
-  CheckWritable(path, file);
+void WriteSafetensors(const std::filesystem::path& path, const LazyTensorFile& file) {
   const std::string header = FormatHeader(path, file);
   WriteFileAtomically(path, [&](std::ostream& stream) {
     const std::uint64_t header_bytes = header.size();
     stream.write(reinterpret_cast<const char*>(&header_bytes), kLengthBytes);
     stream.write(header.data(), static_cast<std::streamsize>(header.size()));
-    for (const auto& [name, tensor] : file.tensors) {
-      stream.write(reinterpret_cast<const char*>(tensor.data.data()),
-                   static_cast<std::streamsize>(tensor.data.size()));
+    for (const auto& [name, lazy] : file.tensors) {
+      const HostTensor tensor = lazy.read();
+      if (tensor.data.size() != CheckedByteCount(path, name, lazy))
+        FailToWrite(path, name, "has " + std::to_string(tensor.data.size()) + " bytes, which its shape and dtype contradict");
+      stream.write(reinterpret_cast<const char*>(tensor.data.data()), static_cast<std::streamsize>(tensor.data.size()));
     }
   });
+}
+
+void WriteSafetensors(const std::filesystem::path& path, const TensorFile& file) {
+  // Contradictions are found before anything is written.
+  for (const auto& [name, tensor] : file.tensors)
+    if (tensor.data.size() != CheckedByteCount(path, name, {tensor.dtype, tensor.shape, {}}))
+      FailToWrite(path, name, "has " + std::to_string(tensor.data.size()) + " bytes, which its shape and dtype contradict");
+  WriteSafetensors(path, LazyViewOf(file));
+}
+
+LazyTensorFile LazyViewOf(const TensorFile& file) {
+  LazyTensorFile lazy{{}, file.metadata};
+  for (const auto& [name, tensor] : file.tensors)
+    lazy.tensors[name] = {tensor.dtype, tensor.shape, [&tensor = tensor] { return tensor; }};
+  return lazy;
+}
+
+LazyTensorFile LazyCopyOf(TensorFile file) {
+  LazyTensorFile lazy{{}, std::move(file.metadata)};
+  for (auto& [name, tensor] : file.tensors) {
+    auto kept = std::make_shared<const HostTensor>(std::move(tensor));
+    lazy.tensors[name] = {kept->dtype, kept->shape, [kept] { return *kept; }};
+  }
+  return lazy;
+}
+
+LazyTensorFile OpenSafetensors(const std::filesystem::path& path) {
+  const auto reader = std::make_shared<const SafetensorsReader>(path);
+  LazyTensorFile file{{}, reader->metadata()};
+  for (const auto& [name, info] : reader->tensors())
+    file.tensors[name] = {info.dtype, info.shape, [reader, name = name] { return reader->Read(name); }};
+  return file;
 }
 
 }  // namespace antipode

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
@@ -37,6 +38,18 @@ struct HostTensor {
 /// @throws Error if either dtype is not a floating one
 HostTensor ConvertTo(const HostTensor& tensor, Dtype dtype);
 
+/// Tensors that are read when they are needed: files may be larger than the memory.
+struct LazyTensor {
+  Dtype dtype = Dtype::kF32;
+  std::vector<std::int64_t> shape;
+  std::function<HostTensor()> read;
+};
+
+struct LazyTensorFile {
+  std::map<std::string, LazyTensor> tensors;
+  std::map<std::string, std::string> metadata;
+};
+
 struct TensorInfo {
   Dtype dtype = Dtype::kF32;
   std::vector<std::int64_t> shape;
@@ -70,9 +83,19 @@ class SafetensorsReader {
   std::map<std::string, std::string> metadata_;
 };
 
-/// Writes to a temporary file beside `path`, then renames. Tensors are stored in name order.
+/// Refers to `file`, which must live as long.
+LazyTensorFile LazyViewOf(const TensorFile& file);
+/// Keeps the tensors in memory.
+LazyTensorFile LazyCopyOf(TensorFile file);
+
+/// The tensors of a safetensors file.
+LazyTensorFile OpenSafetensors(const std::filesystem::path& path);
+
+/// Writes to a temporary file beside `path`, then renames. Tensors are stored in name order; lazy ones are read
+/// one after the other.
 /// @throws Error naming `path` and the tensor whose data contradict its shape, or why it cannot be
 /// written
 void WriteSafetensors(const std::filesystem::path& path, const TensorFile& file);
+void WriteSafetensors(const std::filesystem::path& path, const LazyTensorFile& file);
 
 }  // namespace antipode

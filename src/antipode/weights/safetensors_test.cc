@@ -350,7 +350,7 @@ TEST(CheckTensors, ListsAtMostTwenty) {
   std::map<std::string, TensorShape> expected;
   for (int i = 100; i < 125; ++i) expected[std::to_string(i)] = {1};
   try {
-    CheckTensors({}, expected, "x");
+    CheckTensors(TensorFile{}, expected, "x");
     FAIL();
   } catch (const BadFile& error) {
     EXPECT_PRED2(Contains, error.what(), "'119' is missing, and 5 more");

@@ -7,11 +7,11 @@
 
 namespace antipode {
 
-torch::Tensor PoseVector(std::span<const RelativeViewpoint> viewpoints) {
+torch::Tensor PoseVector(std::span<const RelativeView> viewpoints) {
   std::vector<double> values;
-  for (const RelativeViewpoint& viewpoint : viewpoints) {
-    const double azimuth = RadiansFromDegrees(viewpoint.azimuth_deg);
-    values.insert(values.end(), {RadiansFromDegrees(viewpoint.polar_deg), std::sin(azimuth), std::cos(azimuth), viewpoint.radius});
+  for (const RelativeView& viewpoint : viewpoints) {
+    const double azimuth = RadiansFromDegrees(viewpoint.azimuth);
+    values.insert(values.end(), {RadiansFromDegrees(viewpoint.polar), std::sin(azimuth), std::cos(azimuth), viewpoint.radius});
   }
   return torch::tensor(values, torch::kDouble).view({-1, 1, 4}).to(torch::kFloat);
 }

@@ -4,20 +4,14 @@
 
 #include <torch/torch.h>
 
+#include "antipode/geometry/viewpoints.h"
 #include "antipode/nn/layers.h"
 
 namespace antipode {
 
-/// Where to look from, relative to the picture's own viewpoint.
-struct RelativeViewpoint {
-  double polar_deg = 0;    ///< change of the angle from the vertical axis: positive moves the camera down
-  double azimuth_deg = 0;  ///< counter-clockwise seen from above
-  double radius = 0;       ///< change of the camera's distance
-};
-
 /// [polar, sin(azimuth), cos(azimuth), radius] in radians, computed in double.
 /// @return [P, 1, 4], float32
-torch::Tensor PoseVector(std::span<const RelativeViewpoint> viewpoints);
+torch::Tensor PoseVector(std::span<const RelativeView> viewpoints);
 
 /// W [e ; T] + b: CLIP's embedding of the picture and the pose vector become the context. `cc_projection.*`.
 class PoseProjectionImpl : public torch::nn::Module {

@@ -4,6 +4,8 @@
 #include <map>
 #include <memory>
 
+#include <nlohmann/json.hpp>
+
 #include "antipode/nn/module_weights.h"
 #include "antipode/util/error.h"
 #include "antipode/weights/registry.h"
@@ -20,11 +22,38 @@ torch::Tensor NoiseOfViews(std::uint64_t seed, std::span<const std::string> name
 }
 
 /// The tensors whose names start with `prefix`, without it.
-TensorFile Part(TensorFile& file, const std::string& prefix) {
-  TensorFile part;
-  for (auto& [name, tensor] : file.tensors)
-    if (name.starts_with(prefix)) part.tensors[name.substr(prefix.size())] = std::move(tensor);
+LazyTensorFile Part(const LazyTensorFile& file, const std::string& prefix) {
+  LazyTensorFile part;
+  for (const auto& [name, tensor] : file.tensors)
+    if (name.starts_with(prefix)) part.tensors[name.substr(prefix.size())] = tensor;
   return part;
+}
+
+constexpr char kConfigKey[] = "zero123_config";
+
+/// Calls `field(name, value)` for every number or list of numbers of the configuration.
+template <typename Config, typename Field>
+void ForEachField(Config& config, const Field& field) {
+  field("unet_input_channels", config.unet.input_channels);
+  field("unet_output_channels", config.unet.output_channels);
+  field("unet_base_width", config.unet.base_width);
+  field("unet_multipliers", config.unet.multipliers);
+  field("unet_residual_blocks", config.unet.residual_blocks);
+  field("unet_attention_factors", config.unet.attention_factors);
+  field("unet_heads", config.unet.heads);
+  field("unet_transformer_depth", config.unet.transformer_depth);
+  field("unet_context_width", config.unet.context_width);
+  field("autoencoder_image_channels", config.autoencoder.image_channels);
+  field("autoencoder_latent_channels", config.autoencoder.latent_channels);
+  field("autoencoder_base_width", config.autoencoder.base_width);
+  field("autoencoder_multipliers", config.autoencoder.multipliers);
+  field("autoencoder_residual_blocks", config.autoencoder.residual_blocks);
+  field("clip_width", config.clip.width);
+  field("clip_layers", config.clip.layers);
+  field("clip_heads", config.clip.heads);
+  field("clip_patch", config.clip.patch);
+  field("clip_output_width", config.clip.output_width);
+  field("clip_image_size", config.clip.image_size);
 }
 
 }  // namespace
@@ -52,9 +81,29 @@ SamplerInput TimesOf(const Zero123Options& options, const NoiseSchedule& schedul
 Zero123::Zero123(const Zero123Config& config)
     : unet(config.unet), autoencoder(config.autoencoder), clip(config.clip), projection(config.unet.context_width) {}
 
+std::map<std::string, std::string> Zero123Config::ToMetadata() const {
+  nlohmann::json json;
+  ForEachField(*this, [&](const char* name, const auto& value) { json[name] = value; });
+  return {{kConfigKey, json.dump()}};
+}
+
+Zero123Config Zero123Config::FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
+  Zero123Config config;
+  const auto found = metadata.find(kConfigKey);
+  if (found == metadata.end()) return config;
+  try {
+    const auto json = nlohmann::json::parse(found->second);
+    ForEachField(config, [&](const char* name, auto& value) { json.at(name).get_to(value); });
+  } catch (const nlohmann::json::exception&) {
+    throw BadFile(file, "has a malformed configuration in its metadata", "import or train the model again");
+  }
+  config.unet.Check();
+  return config;
+}
+
 Zero123 Zero123::Load(const std::string& model_or_folder, torch::Device device) {
-  TensorFile file = LoadModel(model_or_folder);
-  Zero123 model;
+  const LazyTensorFile file = OpenModel(model_or_folder);
+  Zero123 model(Zero123Config::FromMetadata(file.metadata, model_or_folder));
   LoadInto(*model.unet, Part(file, "unet."), model_or_folder);
   LoadInto(*model.autoencoder, Part(file, "autoencoder."), model_or_folder);
   LoadInto(*model.clip, Part(file, "clip."), model_or_folder);
@@ -68,7 +117,7 @@ PictureConditioning Zero123::Condition(const torch::Tensor& picture) const {
   return {clip->forward(picture).unsqueeze(1), autoencoder->Encode(picture)};
 }
 
-ViewConditioning Zero123::Prepare(const PictureConditioning& picture, std::span<const RelativeViewpoint> viewpoints,
+ViewConditioning Zero123::Prepare(const PictureConditioning& picture, std::span<const RelativeView> viewpoints,
                                   ContextPath path) const {
   const auto poses = PoseVector(viewpoints).to(picture.embedding.device());
   const auto tokens = projection->forward(picture.embedding, poses);
@@ -103,7 +152,7 @@ NoisePredictor Zero123::Predictor(const ViewConditioning& views, const Zero123Op
   };
 }
 
-torch::Tensor Zero123::SampleLatents(const PictureConditioning& picture, std::span<const RelativeViewpoint> viewpoints,
+torch::Tensor Zero123::SampleLatents(const PictureConditioning& picture, std::span<const RelativeView> viewpoints,
                                      std::span<const std::string> names, const Zero123Options& options,
                                      const ProgressCallback& progress) const {
   options.Check();

@@ -1,8 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <optional>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,6 +22,11 @@ struct Zero123Config {
   UnetConfig unet = {};
   AutoencoderConfig autoencoder = {};
   ClipConfig clip = {};
+
+  /// One entry, "zero123_config", JSON.
+  std::map<std::string, std::string> ToMetadata() const;
+  /// The published configuration if there is no such entry. @throws BadFile if it is malformed
+  static Zero123Config FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };
 
 struct Zero123Options {
@@ -66,12 +70,12 @@ class Zero123 {
 
   /// @param picture [1, 3, H, W], RGB in -1..1, object on white
   PictureConditioning Condition(const torch::Tensor& picture) const;
-  ViewConditioning Prepare(const PictureConditioning& picture, std::span<const RelativeViewpoint> viewpoints,
+  ViewConditioning Prepare(const PictureConditioning& picture, std::span<const RelativeView> viewpoints,
                            ContextPath path = ContextPath::kConstantForOneToken) const;
 
   /// @param names of the views, for their noise; one a viewpoint
   /// @return latents [P, 4, h, w], scaled
-  torch::Tensor SampleLatents(const PictureConditioning& picture, std::span<const RelativeViewpoint> viewpoints,
+  torch::Tensor SampleLatents(const PictureConditioning& picture, std::span<const RelativeView> viewpoints,
                               std::span<const std::string> names, const Zero123Options& options = {},
                               const ProgressCallback& progress = {}) const;
   /// @return [P, 3, H, W] in 0..1

@@ -1,0 +1,142 @@
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "antipode/geometry/rotation.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/nn/synthetic_weights.h"
+#include "antipode/synthesis/view_folder.h"
+#include "antipode/synthesis/zero123_synthesizer.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/temporary_folder.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+cv::Mat PictureWithSquare(int side) {
+  cv::Mat picture(128, 128, CV_8UC3, cv::Scalar::all(255));
+  picture(cv::Rect((128 - side) / 2, (128 - side) / 2, side, side)).setTo(cv::Scalar(200, 30, 30));
+  return picture;
+}
+
+TEST(ViewRequests, PredefinedOnesLookAtTheObjectFromAbove) {
+  const auto requests = RequestPredefinedViews(16, 20);
+  ASSERT_EQ(requests.size(), 16u);
+  EXPECT_NEAR(requests.front().relative.polar, 20, 1e-9) << "the first view is on the horizon, 20 degrees below the picture";
+  for (const ViewRequest& request : requests) {
+    const SynthesizedView view = PosedView(request, PictureWithSquare(65));
+    EXPECT_NEAR(view.camera_from_object.translation.head<2>().norm(), 0, 1e-9);
+    const Eigen::Vector3d camera = view.camera_from_object.OriginInSource();
+    EXPECT_NEAR(std::asin(camera.y() / camera.norm()), request.direction.elevation, 1e-9) << "+Y is up";
+  }
+}
+
+TEST(ViewRequests, GridsHaveAllCombinationsAndDistinctNames) {
+  const double elevations[] = {-10, 30}, azimuths[] = {0, 45.5, 90};
+  const auto requests = RequestViews(elevations, azimuths, 0);
+  ASSERT_EQ(requests.size(), 6u);
+  EXPECT_EQ(requests[1].name, "e-10_a45.5");
+  EXPECT_NEAR(requests[4].relative.polar, -30, 1e-9);
+  EXPECT_NEAR(requests[4].relative.azimuth, 45.5, 1e-9);
+  const double beyond[] = {95};
+  EXPECT_THROW(RequestViews(beyond, azimuths, 0), InvalidOption);
+  EXPECT_THROW(RequestPredefinedViews(0, 0), InvalidOption);
+  EXPECT_THROW(RequestPredefinedViews(4, 95), InvalidOption);
+}
+
+TEST(ViewRequests, TheDistanceComesFromTheSizeOfTheObject) {
+  const ViewRequest request = RequestPredefinedViews(1, 0).front();
+  const SynthesizedView view = PosedView(request, PictureWithSquare(65));
+  EXPECT_NEAR(view.camera.fx, 128 * std::sqrt(2.0), 1e-9);
+  EXPECT_NEAR(view.camera_from_object.translation.z(), 2 * view.camera.fx / 64, 1e-9);
+  EXPECT_THROW(PosedView(request, cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(255))), Error);
+}
+
+TEST(ViewFolder, KeepsWholeViewsOfTheSameSettingsOnly) {
+  const TemporaryFolder temporary;
+  const auto requests = RequestPredefinedViews(3, 0);
+  {
+    ViewFolder folder(temporary.path(), "settings");
+    folder.Add(PosedView(requests[0], PictureWithSquare(65)));
+    folder.Add(PosedView(requests[1], PictureWithSquare(33)));
+  }
+  ViewFolder folder(temporary.path(), "settings");
+  ASSERT_TRUE(folder.Find(requests[0]));
+  EXPECT_NEAR(folder.Find(requests[1])->camera_from_object.translation.z(), 2 * 128 * std::sqrt(2.0) / 32, 1e-9);
+  EXPECT_FALSE(folder.Find(requests[2]));
+  WriteFileAtomically(temporary.path() / (requests[0].name + ".png"), "damaged");
+  EXPECT_FALSE(folder.Find(requests[0]));
+  folder.Add(PosedView(requests[2], PictureWithSquare(20)));
+  const auto list = nlohmann::json::parse(ReadFile(temporary.path() / "views.json"));
+  EXPECT_EQ(list.at("views").size(), 3u);
+  for (const auto& view : list.at("views")) EXPECT_TRUE(view.contains("camera_from_object")) << view;
+  EXPECT_THROW(ViewFolder(temporary.path(), "other settings"), Error);
+  WriteFileAtomically(temporary.path() / "views.json", "{");
+  EXPECT_THROW(ViewFolder(temporary.path(), "settings"), BadFile);
+}
+
+TEST(ViewFolder, TellsOtherToolsTheSameCameras) {
+  const TemporaryFolder temporary;
+  const ViewFolder folder(temporary.path(), "x");
+  std::vector<SynthesizedView> views;
+  for (const ViewRequest& request : RequestPredefinedViews(5, 0)) views.push_back(PosedView(request, PictureWithSquare(65)));
+  folder.WriteOverviews(views);
+  const auto transforms = nlohmann::json::parse(ReadFile(temporary.path() / "transforms.json"));
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto matrix = transforms.at("frames").at(i).at("transform_matrix");
+    // OpenGL cameras look along -z: the object's centre lies there.
+    const double distance = views[i].camera_from_object.translation.z();
+    for (int row = 0; row < 3; ++row)
+      EXPECT_NEAR(matrix[row][3].get<double>() - distance * matrix[row][2].get<double>(), 0, 1e-9);
+    EXPECT_NEAR(matrix[2][3].get<double>(), distance * std::sin(views[i].request.direction.elevation), 1e-9) << "+Z is up";
+  }
+  EXPECT_NE(ReadFile(temporary.path() / "colmap" / "images.txt").find(views[4].request.name + ".png"), std::string::npos);
+  EXPECT_EQ(ContactSheet(views).size(), cv::Size(3 * 128, 2 * 128));
+}
+
+std::filesystem::path SaveSmallModel(const std::filesystem::path& folder) {
+  Zero123Config config;
+  config.unet = {.base_width = 32, .multipliers = {1, 2}, .residual_blocks = 1, .attention_factors = {2}, .heads = 4, .context_width = 32};
+  config.autoencoder = {.base_width = 32, .multipliers = {1, 1, 1, 1}, .residual_blocks = 1};
+  config.clip = {.width = 32, .layers = 1, .heads = 2, .patch = 16, .output_width = 32, .image_size = 32};
+  const Zero123 model(config);
+  TensorFile file;
+  file.metadata = config.ToMetadata();
+  const auto add = [&](const std::string& part, torch::nn::Module& module) {
+    FillSynthetic(module);
+    for (auto& [name, tensor] : WeightsOf(module).tensors) file.tensors[part + name] = tensor;
+  };
+  add("unet.", *const_cast<Zero123&>(model).unet);
+  add("autoencoder.", *const_cast<Zero123&>(model).autoencoder);
+  add("clip.", *const_cast<Zero123&>(model).clip);
+  add("projection.", *const_cast<Zero123&>(model).projection);
+  SaveModel(folder, "small", file, "synthetic", "none", "none");
+  return folder / "small";
+}
+
+TEST(Zero123Synthesizer, MakesThePicturesAskedForWhateverTheBatch) {
+  const TemporaryFolder temporary;
+  const std::string model = SaveSmallModel(temporary.path()).string();
+  cv::Mat mask = cv::Mat::zeros(128, 128, CV_8U);
+  mask(cv::Rect(40, 40, 48, 48)) = 255;
+  const auto requests = RequestPredefinedViews(3, 0);
+  std::vector<std::vector<cv::Mat>> runs;
+  for (const int batch : {1, 3}) {
+    const Zero123SynthesisOptions options{.sampling = {.solver = Solver::kDpmSolverPlusPlus, .steps = 2, .eta = 0}, .batch = batch};
+    const Zero123Synthesizer synthesizer(model, PictureWithSquare(48), mask, {128, 128, 150, 150, 64, 64}, options);
+    runs.emplace_back();
+    synthesizer.Synthesize(requests, [&](const SynthesizedView& view) { runs.back().push_back(view.image); });
+  }
+  ASSERT_EQ(runs[0].size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(runs[0][i].size(), cv::Size(256, 256));
+    EXPECT_LE(cv::norm(runs[0][i], runs[1][i], cv::NORM_INF), 1);
+  }
+  EXPECT_GT(cv::norm(runs[0][0], runs[0][1], cv::NORM_L1), 1000);
+}
+
+}  // namespace
+}  // namespace antipode

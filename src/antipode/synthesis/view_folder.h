@@ -1,0 +1,44 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "antipode/synthesis/view_request.h"
+
+namespace antipode {
+
+/// A folder with synthesised views: NAME.png each and `views.json`, which lists them with their cameras and the sha256 of
+/// the files. Only views of the same picture, model and settings are kept when work goes on in the folder.
+class ViewFolder {
+ public:
+  /// @param fingerprint of all that decides the views but the view itself
+  /// @throws BadFile if views.json is damaged; Error if the folder holds views of other settings
+  ViewFolder(std::filesystem::path folder, std::string fingerprint);
+
+  /// The view if it is there and its file is what was written.
+  std::optional<SynthesizedView> Find(const ViewRequest& request) const;
+
+  /// Writes the picture, then the list. @throws Error if it cannot be written
+  void Add(const SynthesizedView& view);
+
+  /// `contact_sheet.png`, `transforms.json` (NeRF tools: OpenGL camera axes, +Z up) and `colmap/cameras.txt`,
+  /// `images.txt` and `points3D.txt`.
+  void WriteOverviews(const std::vector<SynthesizedView>& views) const;
+
+ private:
+  struct Entry {
+    std::string name, sha256, json;
+  };
+  void WriteList() const;
+
+  std::filesystem::path folder_;
+  std::string fingerprint_;
+  std::vector<Entry> entries_;
+};
+
+/// All pictures side by side, in rows.
+cv::Mat ContactSheet(const std::vector<SynthesizedView>& views);
+
+}  // namespace antipode

@@ -1,0 +1,132 @@
+#include "antipode/zero123/zero123.h"
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+
+#include <gtest/gtest.h>
+
+#include "antipode/nn/synthetic_weights.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/weights/check.h"
+#include "antipode/zero123/checkpoint_import.h"
+
+namespace antipode {
+namespace {
+
+std::string Fingerprint(std::vector<std::string> lines) {
+  std::ranges::sort(lines);
+  std::string text;
+  for (const std::string& line : lines) text += line + "\n";
+  return Sha256Hex(std::as_bytes(std::span(text)));
+}
+
+Zero123Config SmallConfig() {
+  Zero123Config config;
+  config.unet = {.base_width = 32, .multipliers = {1, 2}, .residual_blocks = 1, .attention_factors = {1, 2}, .heads = 4, .context_width = 32};
+  config.autoencoder = {.base_width = 32, .multipliers = {1, 1}, .residual_blocks = 1};
+  config.clip = {.width = 32, .layers = 1, .heads = 2, .patch = 8, .output_width = 32, .image_size = 32};
+  return config;
+}
+
+Zero123 SmallModel() {
+  Zero123 model(SmallConfig());
+  FillSynthetic(*model.unet);
+  FillSynthetic(*model.autoencoder);
+  FillSynthetic(*model.clip);
+  FillSynthetic(*model.projection);
+  return model;
+}
+
+const std::vector<RelativeView> kViews{{10, 30, 0}, {-25, 200, 0}, {0, 90, 0}};
+const std::vector<std::string> kNames{"a", "b", "c"};
+
+TEST(Zero123, HasTheTensorsOfThePublishedCheckpoint) {
+  std::vector<std::string> lines;
+  for (const auto& [name, shape] : Zero123Tensors()) lines.push_back(name + " " + ShapeText(shape));
+  EXPECT_EQ(lines.size(), 1232u);
+  EXPECT_EQ(Fingerprint(lines), "9e478952e8060f83ca3718a6d83edfddb8637ddf378f9102f29bb7cd0d00a145");
+}
+
+TEST(Zero123, KnowsTheNamesOfDiffusersFolders) {
+  std::vector<std::string> lines;
+  for (const auto& [name, shape] : Zero123Tensors()) {
+    const bool is_packed = name.find("in_proj_") != std::string::npos;
+    for (const char* const part : is_packed ? std::vector{"q", "k", "v"} : std::vector{""})
+      lines.push_back(name + " " + DiffusersName(name, {}, part));
+  }
+  EXPECT_EQ(lines.size(), 1328u);
+  EXPECT_EQ(Fingerprint(lines), "7099f1c8415650b6c912455c1f1970b5ce368c8ec057f155084f3610ca4c9125");
+}
+
+TEST(Zero123, AttendingToOneTokenIsAConstant) {
+  const torch::InferenceMode inference;
+  const Zero123 model = SmallModel();
+  const auto tokens = SyntheticUniform("tokens", {2, 1, 32}).to(torch::kFloat), x = SyntheticUniform("x", {2, 8, 8, 8}).to(torch::kFloat);
+  const auto time = torch::full({1}, 300.0);
+  const auto constant = model.unet->forward(x, time, model.unet->Prepare(tokens));
+  const auto general = model.unet->forward(x, time, model.unet->Prepare(tokens, ContextPath::kGeneral));
+  EXPECT_LT((constant - general).abs().max().item<double>(), 1e-5);
+  EXPECT_GT((constant - model.unet->forward(x, time, model.unet->Prepare(0 * tokens))).abs().max().item<double>(), 1e-3);
+}
+
+TEST(Zero123, AShallowStepAfterAFullOneAtTheSamePlaceIsExact) {
+  const torch::InferenceMode inference;
+  const Zero123 model = SmallModel();
+  const auto context = model.unet->Prepare(SyntheticUniform("tokens", {1, 1, 32}).to(torch::kFloat));
+  const auto x = SyntheticUniform("x", {1, 8, 8, 8}).to(torch::kFloat), time = torch::full({1}, 300.0);
+  for (const std::int64_t blocks : {1, 2}) {
+    UnetCache cache{{}, blocks};
+    const auto full = model.unet->ForwardAndKeep(x, time, context, cache);
+    EXPECT_LT((model.unet->ForwardShallow(x, time, context, cache) - full).abs().max().item<double>(), 1e-6);
+  }
+  EXPECT_THROW(model.unet->ForwardShallow(x, time, context, {}), Error);
+}
+
+TEST(Zero123, AViewDoesNotDependOnTheBatchItIsIn) {
+  const torch::InferenceMode inference;
+  const Zero123 model = SmallModel();
+  const PictureConditioning picture = model.Condition(SyntheticUniform("picture", {1, 3, 16, 16}).to(torch::kFloat));
+  for (const Solver solver : {Solver::kDdim, Solver::kDpmSolverPlusPlus, Solver::kUniPc}) {
+    const Zero123Options options{.solver = solver, .steps = 4, .eta = solver == Solver::kDdim ? 1.0 : 0.0};
+    const auto together = model.SampleLatents(picture, kViews, kNames, options);
+    const auto alone = model.SampleLatents(picture, std::span(kViews).subspan(1, 1), std::span(kNames).subspan(1, 1), options);
+    EXPECT_LT((together[1] - alone[0]).abs().max().item<double>(), 1e-4) << NameOf(solver);
+    EXPECT_GT((together[0] - together[1]).abs().max().item<double>(), 1e-2);
+  }
+}
+
+TEST(Zero123, TheSeedDecidesTheNoise) {
+  EXPECT_TRUE(ViewNoise(1, "a", 0, {4, 2, 2}).equal(ViewNoise(1, "a", 0, {4, 2, 2})));
+  EXPECT_FALSE(ViewNoise(1, "a", 0, {4, 2, 2}).equal(ViewNoise(2, "a", 0, {4, 2, 2})));
+  EXPECT_FALSE(ViewNoise(1, "a", 0, {4, 2, 2}).equal(ViewNoise(1, "b", 0, {4, 2, 2})));
+  EXPECT_FALSE(ViewNoise(1, "a", 0, {4, 2, 2}).equal(ViewNoise(1, "a", 1, {4, 2, 2})));
+}
+
+TEST(Zero123, WithoutGuidanceTheUnconditionalHalfIsLeftOut) {
+  const torch::InferenceMode inference;
+  const Zero123 model = SmallModel();
+  const PictureConditioning picture = model.Condition(SyntheticUniform("picture", {1, 3, 16, 16}).to(torch::kFloat));
+  const Zero123Options never{.steps = 4, .guidance_begin = 0, .guidance_end = 0}, neutral{.steps = 4, .guidance_scale = 1};
+  EXPECT_TRUE(model.SampleLatents(picture, kViews, kNames, never).allclose(model.SampleLatents(picture, kViews, kNames, neutral)));
+}
+
+TEST(Zero123, RefusesImpossibleRequests) {
+  const Zero123 model = SmallModel();
+  const PictureConditioning picture{torch::zeros({1, 1, 32}), torch::zeros({1, 4, 8, 8})};
+  EXPECT_THROW(model.SampleLatents(picture, {}, {}), InvalidOption);
+  EXPECT_THROW(model.SampleLatents(picture, kViews, kNames, {.steps = 0}), InvalidOption);
+  EXPECT_THROW(model.SampleLatents(picture, kViews, kNames, {.steps = 9}), InvalidOption) << "its table ends at 1000";
+  EXPECT_THROW(model.SampleLatents(picture, kViews, kNames, {.guidance_begin = 0.5, .guidance_end = 0.2}), InvalidOption);
+}
+
+TEST(Zero123, TheConfigurationSurvivesTheMetadata) {
+  const Zero123Config config = Zero123Config::FromMetadata(SmallConfig().ToMetadata(), "x");
+  EXPECT_EQ(config.ToMetadata(), SmallConfig().ToMetadata());
+  EXPECT_EQ(Zero123Config::FromMetadata({}, "x").ToMetadata(), Zero123Config().ToMetadata());
+  EXPECT_THROW(Zero123Config::FromMetadata({{"zero123_config", "{"}}, "x"), BadFile);
+}
+
+}  // namespace
+}  // namespace antipode
