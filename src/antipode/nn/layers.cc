@@ -78,6 +78,12 @@ torch::Tensor MultiHeadAttention(const torch::Tensor& q, const torch::Tensor& k,
   return merged.transpose(1, 2).reshape(q.sizes());
 }
 
+void UseChannelsLast(torch::nn::Module& module) {
+  const torch::NoGradGuard no_gradient;
+  for (auto& item : module.named_parameters())
+    if (item.value().dim() == 4) item.value().set_data(item.value().contiguous(at::MemoryFormat::ChannelsLast));
+}
+
 void InitializeForTraining(torch::nn::Module& module, std::uint64_t seed) {
   const torch::NoGradGuard no_gradient;
   auto generator = at::make_generator<at::CPUGeneratorImpl>(seed);

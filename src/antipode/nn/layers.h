@@ -84,6 +84,10 @@ torch::Tensor QuickGelu(const torch::Tensor& x);
 /// are head-major. Fused where no gradient is wanted, written out where one is (the fused one's backward pass is slow).
 torch::Tensor MultiHeadAttention(const torch::Tensor& q, const torch::Tensor& k, const torch::Tensor& v, std::int64_t heads);
 
+/// Stores convolution weights pixel by pixel ("channels last"): processors convolve faster that way, and the outputs
+/// are stored so, too.
+void UseChannelsLast(torch::nn::Module& module);
+
 /// Fills dense layers, convolutions and norms of `module` for training from scratch: weights uniform in
 /// +-sqrt(1 / fan_in), norms 1, biases 0.
 void InitializeForTraining(torch::nn::Module& module, std::uint64_t seed);

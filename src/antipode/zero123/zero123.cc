@@ -110,6 +110,7 @@ Zero123 Zero123::Load(const std::string& model_or_folder, torch::Device device) 
   LoadInto(*model.projection, Part(file, "projection."), model_or_folder);
   for (torch::nn::Module* module : std::initializer_list<torch::nn::Module*>{&*model.unet, &*model.autoencoder, &*model.clip, &*model.projection})
     module->to(device);
+  UseChannelsLast(*model.unet);
   return model;
 }
 

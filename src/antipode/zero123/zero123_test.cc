@@ -71,6 +71,16 @@ TEST(Zero123, AttendingToOneTokenIsAConstant) {
   EXPECT_GT((constant - model.unet->forward(x, time, model.unet->Prepare(0 * tokens))).abs().max().item<double>(), 1e-3);
 }
 
+TEST(Zero123, TheLayoutOfTheWeightsChangesNothing) {
+  const torch::InferenceMode inference;
+  Zero123 model = SmallModel();
+  const auto context = model.unet->Prepare(SyntheticUniform("tokens", {1, 1, 32}).to(torch::kFloat));
+  const auto x = SyntheticUniform("x", {1, 8, 8, 8}).to(torch::kFloat), time = torch::full({1}, 300.0);
+  const auto before = model.unet->forward(x, time, context);
+  UseChannelsLast(*model.unet);
+  EXPECT_LT((model.unet->forward(x, time, context) - before).abs().max().item<double>(), 1e-5);
+}
+
 TEST(Zero123, AShallowStepAfterAFullOneAtTheSamePlaceIsExact) {
   const torch::InferenceMode inference;
   const Zero123 model = SmallModel();
