@@ -42,7 +42,7 @@ struct Zero123Options {
   std::uint64_t seed = 1;
   void Check() const;
 
-  /// A tenth of the evaluations of the paper's program or fewer; see docs/paper.md for what that costs.
+  /// About a fifteenth of the work of the paper's program.
   static Zero123Options Fast();
 };
 
