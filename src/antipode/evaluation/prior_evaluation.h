@@ -36,7 +36,7 @@ RotationAccuracy MeasureAccuracy(const ObjectPrior& prior, const std::vector<Sco
 
 /// Makes the probabilities honest on these pairs: the temperature that maximises the likelihood of the
 /// true rotations, then a logistic regression of "error below 30 degrees" on the best mode's log odds and score.
-/// Pairs of different objects count as errors, each as a sixth of a pair: users mean to compare the same object.
+/// Pairs of different objects count as errors, each as 0.3 of a pair: users mean to compare the same object.
 PriorCalibration FitCalibration(const RotationPosterior& posterior, const ScoredPairs& pairs);
 
 }  // namespace antipode
