@@ -20,8 +20,9 @@ bool IsVariantOf(const std::string& name, const std::string& kind) {
 }
 
 bool HasSignature(const GoldenCase& golden_case, const CatalogueEntry& entry) {
-  return std::all_of(entry.signature.begin(), entry.signature.end(),
-                     [&](const std::string& tensor) { return golden_case.Lists(tensor); });
+  return !entry.signature.empty() && std::ranges::all_of(entry.signature, [&](const std::string& tensor) {
+    return golden_case.Lists(tensor);
+  });
 }
 
 const CatalogueEntry* FindByName(std::span<const CatalogueEntry> catalogue,

@@ -14,7 +14,7 @@ using Computation = NumericTensors (*)(const GoldenCase&);
 
 struct CatalogueEntry {
   std::string kind;                    ///< also the case name without its variant
-  std::vector<std::string> signature;  ///< tensors that only cases of this kind list
+  std::vector<std::string> signature;  ///< tensors that only cases of this kind list; may be empty
   Computation computation;
 };
 

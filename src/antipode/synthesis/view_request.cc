@@ -4,15 +4,12 @@
 #include <cmath>
 #include <numbers>
 
-#include <opencv2/imgproc.hpp>
-
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
+#include "antipode/zero123/picture.h"
 
 namespace antipode {
 namespace {
-
-constexpr int kNearWhite = 250;
 
 void CheckElevation(double elevation_deg) {
   if (!(std::abs(elevation_deg) <= 90))
@@ -28,19 +25,6 @@ std::string Rounded(double value) {
 ViewRequest Request(const CanonicalDirection& direction, double reference_elevation_deg) {
   return {"e" + Rounded(DegreesFromRadians(direction.elevation)) + "_a" + Rounded(DegreesFromRadians(direction.azimuth)),
           direction, RelativeViewOf(direction, reference_elevation_deg)};
-}
-
-/// Last pixel minus first, as the published program measures.
-cv::Size ObjectExtent(const cv::Mat& image) {
-  cv::Mat darkest, channel;
-  cv::extractChannel(image, darkest, 0);
-  for (int c = 1; c < 3; ++c) {
-    cv::extractChannel(image, channel, c);
-    darkest = cv::min(darkest, channel);
-  }
-  const cv::Rect box = cv::boundingRect(darkest < kNearWhite);
-  if (box.width < 2 || box.height < 2) throw Error("synthesised view", "shows nothing but white");
-  return {box.width - 1, box.height - 1};
 }
 
 }  // namespace
@@ -69,7 +53,7 @@ std::vector<ViewRequest> RequestViews(std::span<const double> elevations_deg, st
 SynthesizedView PosedView(const ViewRequest& request, const cv::Mat& image) {
   const double side = image.cols;
   const double focal_length = std::numbers::sqrt2 * side;
-  const cv::Size extent = ObjectExtent(image);
+  const cv::Size extent = BoxOfObject(image).size();
   const double distance = 2 * focal_length / std::max(extent.width, extent.height);
   Rigid3 camera_from_object = CameraFromCanonical(request.direction, distance);
   camera_from_object.rotation = camera_from_object.rotation * CanonicalFromObjectRotation();

@@ -145,18 +145,6 @@ double BicubicAt(const cv::Mat& picture, double x, double y, int channel) {
 
 double RoundedTo15Decimals(double value) { return std::round(value * 1e15) / 1e15; }
 
-cv::Rect BoxOfObject(const cv::Mat& picture) {
-  cv::Mat darkest = cv::Mat(picture.size(), CV_8U, cv::Scalar(255));
-  for (int c = 0; c < kChannels; ++c) {
-    cv::Mat channel;
-    cv::extractChannel(picture, channel, c);
-    darkest = cv::min(darkest, channel);
-  }
-  const cv::Rect box = cv::boundingRect(darkest < kNearWhite);
-  if (box.width < 2 || box.height < 2) throw Error("picture", "shows nothing but white");
-  return {box.x, box.y, box.width - 1, box.height - 1};
-}
-
 }  // namespace
 
 cv::Mat ShrinkByLanczos(const cv::Mat& image, cv::Size size) {
@@ -200,6 +188,18 @@ cv::Mat AfterJpeg(const cv::Mat& picture, int quality) {
   cv::imencode(".jpg", blue_first, bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
   cv::cvtColor(cv::imdecode(bytes, cv::IMREAD_COLOR), decoded, cv::COLOR_BGR2RGB);
   return decoded;
+}
+
+cv::Rect BoxOfObject(const cv::Mat& picture) {
+  cv::Mat darkest = cv::Mat(picture.size(), CV_8U, cv::Scalar(255));
+  for (int c = 0; c < kChannels; ++c) {
+    cv::Mat channel;
+    cv::extractChannel(picture, channel, c);
+    darkest = cv::min(darkest, channel);
+  }
+  const cv::Rect box = cv::boundingRect(darkest < kNearWhite);
+  if (box.width < 2 || box.height < 2) throw Error("picture", "shows nothing but white");
+  return {box.x, box.y, box.width - 1, box.height - 1};
 }
 
 cv::Mat TurnedOnWhite(const cv::Mat& picture, double angle_deg) {

@@ -28,6 +28,11 @@ std::vector<cv::Mat> PicturesOf(const torch::Tensor& images);
 /// @param picture 8UC3, RGB
 cv::Mat AfterJpeg(const cv::Mat& picture, int quality = 75);
 
+/// The box of the pixels that differ from white by more than 5 in some channel; its size is the last minus the first, as
+/// the published program measures, so that the last row and column lie outside.
+/// @throws Error if the picture is all white
+cv::Rect BoxOfObject(const cv::Mat& picture);
+
 /// The picture padded with white to a square of its diagonal, floor(sqrt(w^2 + h^2)), and turned counter-clockwise
 /// about the centre by bicubic interpolation.
 cv::Mat TurnedOnWhite(const cv::Mat& picture, double angle_deg);
