@@ -5,6 +5,7 @@
 
 #include "geometry_kinds.h"
 #ifdef ANTIPODE_NEURAL
+#include "gen6d_kinds.h"
 #include "loftr_kinds.h"
 #include "zero123_kinds.h"
 #endif
@@ -51,6 +52,7 @@ const CatalogueEntry* FindBySignature(std::span<const CatalogueEntry> catalogue,
 std::vector<CatalogueEntry> Catalogue() {
   std::vector<CatalogueEntry> entries = GeometryKinds();
 #ifdef ANTIPODE_NEURAL
+  for (CatalogueEntry& entry : Gen6dKinds()) entries.push_back(std::move(entry));
   for (CatalogueEntry& entry : LoftrKinds()) entries.push_back(std::move(entry));
   for (CatalogueEntry& entry : Zero123Kinds()) entries.push_back(std::move(entry));
 #endif

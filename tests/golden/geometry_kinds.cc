@@ -11,56 +11,12 @@
 #include "antipode/geometry/rotation.h"
 #include "antipode/geometry/viewpoints.h"
 #include "antipode/util/error.h"
+#include "stored_items.h"
 
 namespace antipode::golden {
 namespace {
 
 constexpr double kDefaultMargin = 0.05;
-
-/// `Rows` x `Columns` values of item `index` along the first axis.
-template <int Rows, int Columns>
-Eigen::Matrix<double, Rows, Columns> Item(const NumericTensor& tensor, std::int64_t index) {
-  constexpr std::size_t kSize = Rows * Columns;
-  if (tensor.values.size() < kSize * (index + 1)) throw Error("golden input", "is too short");
-  Eigen::Matrix<double, Rows, Columns> item;
-  for (int row = 0; row < Rows; ++row) {
-    for (int column = 0; column < Columns; ++column) {
-      item(row, column) = tensor.values[kSize * index + Columns * row + column];
-    }
-  }
-  return item;
-}
-
-double Number(const NumericTensor& tensor, std::int64_t index) {
-  return Item<1, 1>(tensor, index)(0, 0);
-}
-
-std::int64_t ItemCount(const NumericTensor& tensor) {
-  return tensor.shape.empty() ? 0 : tensor.shape.front();
-}
-
-template <typename Derived>
-void Append(NumericTensor& tensor, const Eigen::MatrixBase<Derived>& item) {
-  for (Eigen::Index row = 0; row < item.rows(); ++row) {
-    for (Eigen::Index column = 0; column < item.cols(); ++column) {
-      tensor.values.push_back(item(row, column));
-    }
-  }
-}
-
-void Append(NumericTensor& tensor, std::initializer_list<double> values) {
-  tensor.values.insert(tensor.values.end(), values);
-}
-
-published::InclusiveBox Box(const NumericTensor& tensor, std::int64_t index) {
-  const Eigen::Matrix<double, 4, 1> box = Item<4, 1>(tensor, index);
-  return {box[0], box[1], box[2], box[3]};
-}
-
-Rigid3 Pose(const NumericTensor& tensor, std::int64_t index) {
-  const Eigen::Matrix<double, 3, 4> pose = Item<3, 4>(tensor, index);
-  return {pose.leftCols<3>(), pose.col(3)};
-}
 
 Eigen::Matrix4d Homogeneous(const Rigid3& pose) {
   Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();

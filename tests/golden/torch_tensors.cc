@@ -16,7 +16,49 @@ NumericTensor FromTorchTensor(const torch::Tensor& tensor) {
   return result;
 }
 
+namespace {
+
+/// Twenty-four sinusoids per plane, through the logistic function.
+torch::Tensor SmoothPictures(const std::string& name, const std::vector<std::int64_t>& shape) {
+  constexpr std::int64_t kWaves = 24;
+  const std::int64_t height = shape[shape.size() - 2], width = shape.back();
+  std::int64_t planes = 1;
+  for (std::size_t i = 0; i + 2 < shape.size(); ++i) planes *= shape[i];
+  const auto waves = SyntheticUniform(name, {planes, kWaves, 4}).unsqueeze(3).unsqueeze(4);  // [P, 24, 4, 1, 1]
+  const auto x = torch::arange(width, torch::kDouble).view({1, 1, width}), y = torch::arange(height, torch::kDouble).view({1, height, 1});
+  torch::Tensor sum = torch::zeros({planes, height, width}, torch::kDouble);
+  for (std::int64_t k = 0; k < kWaves; ++k) {
+    const auto wave = waves.select(1, k);
+    const auto cycles = wave.select(1, 0) * 8 * x / 96 + wave.select(1, 1) * 8 * y / 96 + wave.select(1, 2);
+    sum += wave.select(1, 3) * at::sin(2 * M_PI * cycles);
+  }
+  return at::sigmoid(sum).view(shape).to(torch::kFloat);
+}
+
+/// The entry whose name ends in ".key", of a list of inputs.
+torch::Tensor ListedInput(const GoldenCase& golden_case, const std::string& key) {
+  for (const nlohmann::json& input : golden_case.generated_inputs) {
+    const std::string name = input.at("name"), range = input.at("range");
+    if (!name.ends_with("." + key)) continue;
+    const auto shape = input.at("shape").get<std::vector<std::int64_t>>();
+    if (range == "smooth") return SmoothPictures(name, shape);
+    const torch::Tensor values = SyntheticUniform(name, shape);
+    if (range == "01") return ((values + 1) / 2).to(torch::kFloat);
+    if (range == "sqrt3") return (values * std::sqrt(3.0)).to(torch::kFloat);
+    throw Error(name, "is of an unknown range '" + range + "'");
+  }
+  throw Error(golden_case.name, "generates no input '" + key + "'");
+}
+
+}  // namespace
+
+torch::Tensor StoredTensor(const GoldenCase& golden_case, const std::string& name) {
+  const NumericTensor& stored = golden_case.Stored(name);
+  return torch::tensor(stored.values, torch::kDouble).view(stored.shape);
+}
+
 torch::Tensor GeneratedTensor(const GoldenCase& golden_case, const std::string& key, int step) {
+  if (golden_case.generated_inputs.is_array()) return ListedInput(golden_case, key);
   if (!golden_case.generated_inputs.contains(key)) throw Error(golden_case.name, "generates no input '" + key + "'");
   const nlohmann::json& input = golden_case.generated_inputs.at(key);
   const std::string name = std::regex_replace(input.at("name").get<std::string>(), std::regex("\\{k\\}"), std::to_string(step));

@@ -13,8 +13,12 @@ namespace antipode::golden {
 
 NumericTensor FromTorchTensor(const torch::Tensor& tensor);
 
-/// The generated input `key` of a case, {"name", "shape", "kind"}: "unit" (variance 1), "plain ..." (in -1..1), either
-/// followed by ", then multiplied by X". `step` replaces "{k}" in the name.
+/// A stored tensor, float64.
+torch::Tensor StoredTensor(const GoldenCase& golden_case, const std::string& name);
+
+/// The generated input `key` of a case: in one format an object entry, {"name", "shape", "kind"}: "unit" (variance 1), "plain ..." (in -1..1), either
+/// followed by ", then multiplied by X". `step` replaces "{k}" in the name. In the other format
+/// a list entry whose name ends in ".key", {"name", "shape", "range"}: "01", "sqrt3" or "smooth".
 torch::Tensor GeneratedTensor(const GoldenCase& golden_case, const std::string& key, int step = 0);
 
 /// What of a tensor the text "[:,::2,:4,1:9:2] .." keeps: start, end and step of each axis.
