@@ -7,6 +7,7 @@
 #ifdef ANTIPODE_NEURAL
 #include "gen6d_kinds.h"
 #include "loftr_kinds.h"
+#include "orientation_kinds.h"
 #include "zero123_kinds.h"
 #endif
 
@@ -54,6 +55,7 @@ std::vector<CatalogueEntry> Catalogue() {
 #ifdef ANTIPODE_NEURAL
   for (CatalogueEntry& entry : Gen6dKinds()) entries.push_back(std::move(entry));
   for (CatalogueEntry& entry : LoftrKinds()) entries.push_back(std::move(entry));
+  for (CatalogueEntry& entry : OrientationKinds()) entries.push_back(std::move(entry));
   for (CatalogueEntry& entry : Zero123Kinds()) entries.push_back(std::move(entry));
 #endif
   return entries;
