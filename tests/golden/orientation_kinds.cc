@@ -3,7 +3,7 @@
 #include <string>
 
 #include "antipode/geometry/rotation.h"
-#include "antipode/orientation/in_plane.h"
+#include "antipode/synthesis/turned_picture.h"
 #include "antipode/orientation/nearby_views.h"
 #include "stored_items.h"
 #include "stored_pictures.h"

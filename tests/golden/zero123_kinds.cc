@@ -4,6 +4,7 @@
 #include <string>
 
 #include "antipode/nn/synthetic_weights.h"
+#include "antipode/synthesis/turned_picture.h"
 #include "antipode/util/error.h"
 #include "antipode/util/seeds.h"
 #include "antipode/zero123/picture.h"
@@ -268,11 +269,11 @@ NumericTensors InPlaneRotations(const GoldenCase& golden_case) {
   Recorder recorder(golden_case);
   const cv::Mat photo = PhotoOf(golden_case);
   const auto angles = golden_case.config.at("angles_deg").get<std::vector<double>>();
-  const std::vector<cv::Mat> candidates = RotationCandidates(photo, angles);
+  const std::vector<TurnedPicture> candidates = TurnPictures(photo, angles);
   recorder.Add("padded", Bytes({TurnedOnWhite(photo, 0)})[0]);
   for (std::size_t i = 0; i < angles.size(); ++i) {
     const std::string angle = std::to_string(static_cast<int>(angles[i]));
-    recorder.Add("angle_" + angle, Bytes({candidates[i]})[0]);
+    recorder.Add("angle_" + angle, Bytes({candidates[i].padded})[0]);
     recorder.Add("rotated_uncropped_" + angle, Bytes({TurnedOnWhite(photo, angles[i])})[0]);
   }
   return recorder.Take();

@@ -26,6 +26,8 @@ class Command {
 
 std::unique_ptr<Command> MakePoseCommand();
 std::unique_ptr<Command> MakeMatchCommand();
+std::unique_ptr<Command> MakeReferenceCommand();
+std::unique_ptr<Command> MakeOrientCommand();
 std::unique_ptr<Command> MakeRenderCommand();
 std::unique_ptr<Command> MakeSynthesizeCommand();
 std::unique_ptr<Command> MakeEvaluateCommand();

@@ -40,7 +40,7 @@ class EvaluateCommand : public Command {
     app.add_option("--split", split_, "Use this folder in the root, for example test")->type_name("NAME");
     method_.Declare(app);
     app.get_option("--method")
-        ->description("One or more, separated by commas: auto, prior, matching, the name of a matcher, "
+        ->description("One or more, separated by commas: auto, prior, matching, diffusion, the name of a matcher, "
                       "MATCHER+depth-pnp, MATCHER+depth-procrustes, predictions=FILE.csv")
         ->type_name("NAMES");
     app.add_option("--out", out_, "Folder for pairs.csv, summary.json and table.md; with several methods, one folder for each")
@@ -64,6 +64,8 @@ class EvaluateCommand : public Command {
     const std::unique_ptr<Dataset> dataset = OpenDataset();
     MethodRequest request = method_;
     request.device = common_.device;
+    request.synthesis.seed = common_.seed;
+    if (dataset_ == "objects") request.object_meshes = Folder();
     const std::vector<PoseMethod> methods = LoadPoseMethods(request);
     if (methods.empty()) throw InvalidOption("--method", "is empty", "name at least one method");
     if (different_objects_) return ReportFalseConfidence(*dataset, methods);
@@ -76,8 +78,10 @@ class EvaluateCommand : public Command {
   }
 
  private:
+  fs::path Folder() const { return split_.empty() ? fs::path(root_) : fs::path(root_) / split_; }
+
   std::unique_ptr<Dataset> OpenDataset() {
-    const fs::path folder = split_.empty() ? fs::path(root_) : fs::path(root_) / split_;
+    const fs::path folder = Folder();
     protocol_.seed = common_.seed;
     protocol_.in_plane_rotation_deg = rotated_ ? kRotatedDeg : 0;
     if (dataset_ == "objects") return std::make_unique<ObjectDataset>(folder, protocol_);

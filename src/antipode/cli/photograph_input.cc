@@ -113,6 +113,7 @@ PhotographInput LoadPhotograph(const PhotographRequest& request, const std::stri
 }
 
 nlohmann::ordered_json ToJson(const PhotographInput& input) {
+  if (input.photograph.image.empty()) return {{"path", input.path}};
   const PinholeCamera& camera = input.photograph.camera;
   return {{"path", input.path},
           {"camera",
@@ -127,6 +128,7 @@ nlohmann::ordered_json ToJson(const PhotographInput& input) {
 }
 
 std::string Describe(const PhotographInput& input) {
+  if (input.photograph.image.empty()) return input.path + ": posed views";
   const PinholeCamera& camera = input.photograph.camera;
   return Formatted("%s: %d x %d pixels, field of view %.0f degrees (%s), %s", input.path.c_str(), camera.width,
                    camera.height, FieldOfViewDeg(camera), input.camera_source.c_str(),

@@ -31,6 +31,7 @@ struct PhotographInput {
 /// @throws Error naming the file or the option at fault
 PhotographInput LoadPhotograph(const PhotographRequest& request, const std::string& role);
 
+/// Without a picture the path is that of a reference folder.
 nlohmann::ordered_json ToJson(const PhotographInput& input);
 
 /// One line: size, camera and mask, and where they are known from.

@@ -8,6 +8,9 @@
 #include "antipode/cli/pose_result.h"
 #include "antipode/cli/process_clock.h"
 #include "antipode/image/load.h"
+#include "antipode/matching/matchers.h"
+#include "antipode/nn/device.h"
+#include "antipode/pose/object_pose.h"
 #include "antipode/report/pose_picture.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
@@ -23,7 +26,10 @@ class PoseCommand : public Command {
     return "  antipode pose front.jpg back.jpg --reference-mask front_mask.png --query-mask back_mask.png "
            "--visualize pose.png\n"
            "Without masks: pictures with an alpha channel or a uniform background, or a box around the object:\n"
-           "  antipode pose front.jpg back.jpg --reference-box 210,80,400,380 --query-box 190,75,420,390 --json -";
+           "  antipode pose front.jpg back.jpg --reference-box 210,80,400,380 --query-box 190,75,420,390 --json -\n"
+           "With the object's mesh, or a folder of 'antipode reference build' for many queries:\n"
+           "  antipode pose front.jpg back.jpg --mesh object.glb\n"
+           "  antipode pose reference_folder back.jpg";
   }
 
   void DeclareOptions(CLI::App& app) override {
@@ -41,8 +47,9 @@ class PoseCommand : public Command {
 
   void Run() override {
     common_.Apply();
+    if (!method_.synthesis.mesh.empty() && method_.method == "auto") method_.method = "diffusion";
     Check();
-    const PoseResult result = Estimate();
+    const PoseResult result = IsReferenceFolder(reference_.path) ? EstimateAgainstFolder() : Estimate();
     ThrowIfInterrupted();
     if (picture_) {
       SaveImage(*picture_, DrawPosePicture(result.pose, result.reference.photograph, result.query.photograph));
@@ -56,11 +63,14 @@ class PoseCommand : public Command {
     method_.options.Check();
     if (object_size_ && !(*object_size_ > 0 && std::isfinite(*object_size_)))
       throw InvalidOption("--object-size", "is not a positive number", "give the object's diameter in metres");
+    if (picture_ && IsReferenceFolder(reference_.path))
+      throw InvalidOption("--visualize", "needs two photographs", "leave it out for a reference folder");
   }
 
   PoseResult Estimate() const {
     MethodRequest request = method_;
     request.device = common_.device;
+    request.synthesis.seed = common_.seed;
     auto method_loading = std::async(std::launch::async, [&] { return LoadPoseMethod(request); });
     auto query_loading = std::async(std::launch::async, [&] { return LoadPhotograph(query_, "query"); });
     PoseResult result;
@@ -75,6 +85,27 @@ class PoseCommand : public Command {
     const SceneView reference{"reference", result.reference.photograph, {}}, query{"query", result.query.photograph, {}};
     result.pose = method.estimate({"photographs", reference, query});
     WarnOfUnusedDepth(result.pose);
+    result.total_seconds = SecondsSinceProcessStart();
+    return result;
+  }
+
+  PoseResult EstimateAgainstFolder() const {
+    PoseResult result;
+    result.method = "diffusion";
+    result.model = method_.model;
+    result.object_size = object_size_;
+    result.reference.path = reference_.path;
+    result.query = LoadPhotograph(query_, "query");
+    const ReferenceModels models = ReferenceModels::Load(method_.model, common_.device);
+    const Reference reference = LoadReference(reference_.path, models.identity);
+    const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
+    ThrowIfInterrupted();
+    result.load_seconds = SecondsSinceProcessStart();
+    result.pose = RelativeToSource(reference, EstimateObjectPose(reference, *models.prior, matcher.get(), result.query.photograph,
+                                                                 {.hypotheses = method_.options.hypotheses, .matching = {}}));
+    if (!reference.source_from_object)
+      result.pose.warnings.emplace_back("the reference comes from a mesh: the pose is that of the mesh's frame in the query camera");
+    result.pose.warnings.insert(result.pose.warnings.end(), reference.warnings.begin(), reference.warnings.end());
     result.total_seconds = SecondsSinceProcessStart();
     return result;
   }

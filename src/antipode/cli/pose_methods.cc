@@ -7,8 +7,11 @@
 #include "antipode/evaluation/baselines.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
+#include "antipode/pose/object_pose.h"
 #include "antipode/prior/object_prior.h"
 #include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
 #include "antipode/util/suggest.h"
 
@@ -48,8 +51,79 @@ PoseMethod AutoMethod(const MethodRequest& request) {
   });
 }
 
+/// Makes references, and keeps the last one: pairs come object by object.
+class DiffusionRoute {
+ public:
+  DiffusionRoute(const MethodRequest& request, std::shared_ptr<const Matcher> matcher)
+      : request_(request), models_(ReferenceModels::Load(request.model, request.device)), matcher_(std::move(matcher)) {
+    request_.synthesis.device = request.device;
+    if (!HasOwnMeshes()) request_.synthesis.Check();
+  }
+
+  TwoViewPose Estimate(const PairToEstimate& pair) {
+    if (HasOwnMeshes()) return UpperBound(pair);
+    if (!request_.synthesis.mesh.empty()) return AgainstMesh(pair);
+    Keep(Sha256OfPicture(pair.reference.photograph.image), [&] {
+      return BuildReference(request_.synthesis, models_, &pair.reference.photograph, {}, ThrowWhenInterrupted);
+    });
+    return WithReferenceView(RelativeToSource(reference_, Pose(pair.query)), pair);
+  }
+
+ private:
+  static void ThrowWhenInterrupted(const Progress&) { ThrowIfInterrupted(); }
+  static std::string Sha256OfPicture(const cv::Mat& picture) {
+    const cv::Mat dense = picture.clone();
+    return Sha256Hex({reinterpret_cast<const std::byte*>(dense.data), dense.total() * dense.elemSize()});
+  }
+  bool HasOwnMeshes() const { return request_.synthesis.IsMesh() && request_.synthesis.mesh.empty() && !request_.object_meshes.empty(); }
+
+  template <typename Build>
+  void Keep(const std::string& key, const Build& build) {
+    if (key == key_) return;
+    reference_ = build();
+    key_ = key;
+  }
+
+  ObjectPose Pose(const SceneView& view) const {
+    ObjectPoseOptions options{.hypotheses = request_.options.hypotheses, .matching = request_.options.matching};
+    return EstimateObjectPose(reference_, *models_.prior, matcher_.get(), view.photograph, options);
+  }
+
+  TwoViewPose WithReferenceView(TwoViewPose pose, const PairToEstimate& pair) const {
+    const ObjectPhotograph& photograph = pair.reference.photograph;
+    pose.reference = MakeObjectView(photograph.image, photograph.mask, photograph.camera, models_.prior->ViewOptions());
+    pose.warnings.insert(pose.warnings.begin(), reference_.warnings.begin(), reference_.warnings.end());
+    return pose;
+  }
+
+  /// A perfect synthesiser knows how its views stand to its picture.
+  TwoViewPose UpperBound(const PairToEstimate& pair) {
+    Keep(pair.object, [&] {
+      return BuildMeshReference(request_.object_meshes / (pair.object + ".glb"), request_.synthesis.views, models_, std::nullopt);
+    });
+    reference_.source_from_object = pair.reference.camera_from_object;
+    return WithReferenceView(RelativeToSource(reference_, Pose(pair.query)), pair);
+  }
+
+  TwoViewPose AgainstMesh(const PairToEstimate& pair) {
+    Keep(request_.synthesis.mesh, [&] { return BuildReference(request_.synthesis, models_, nullptr, {}, ThrowWhenInterrupted); });
+    return ComposeObjectPoses(Pose(pair.reference), Pose(pair.query));
+  }
+
+  MethodRequest request_;
+  ReferenceModels models_;
+  std::shared_ptr<const Matcher> matcher_;
+  Reference reference_;
+  std::string key_;
+};
+
+PoseMethod DiffusionMethod(const MethodRequest& request) {
+  auto route = std::make_shared<DiffusionRoute>(request, LoadMatcher(request.matcher, request));
+  return {"diffusion", [route](const PairToEstimate& pair) { return route->Estimate(pair); }};
+}
+
 std::vector<std::string> MethodNames() {
-  std::vector<std::string> names{"auto", "prior", "matching"};
+  std::vector<std::string> names{"auto", "prior", "matching", "diffusion"};
   const std::vector<std::string> matchers = MatcherNames();
   names.insert(names.end(), matchers.begin(), matchers.end());
   return names;
@@ -72,17 +146,19 @@ bool IsMatcher(const std::string& name) {
 void MethodRequest::Declare(CLI::App& app) {
   app.add_option("--method", method,
                  "auto: prior and matching together; prior: what the object looks like from all sides; matching: "
-                 "only what both pictures show")
+                 "only what both pictures show; diffusion: posed views of the object, imagined or rendered")
       ->capture_default_str()->type_name("NAME");
   app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
       ->capture_default_str()->type_name("NAME|FOLDER");
   app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
+  synthesis.Declare(app, "For --method diffusion", "--reference-views");
 }
 
 PoseMethod LoadPoseMethod(const MethodRequest& request) {
   const std::string& name = request.method;
   if (name == "auto") return AutoMethod(request);
   if (name == "prior") return PriorMethod(request);
+  if (name == "diffusion") return DiffusionMethod(request);
   if (name == "matching") return MatchingMethod(request.matcher, request);
   if (IsMatcher(name)) return MatchingMethod(name, request);
   if (name.starts_with(kPredictions)) return Predictions(name.substr(kPredictions.size()));

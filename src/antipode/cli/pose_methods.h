@@ -1,9 +1,12 @@
 #pragma once
 
-#include <CLI/App.hpp>
+#include <filesystem>
 #include <string>
 #include <vector>
 
+#include <CLI/App.hpp>
+
+#include "antipode/cli/synthesis_request.h"
 #include "antipode/evaluation/evaluation.h"
 #include "antipode/pose/two_view_pose.h"
 
@@ -16,13 +19,16 @@ struct MethodRequest {
   std::string matcher = "xfeat-lighterglue";
   std::string device = "auto";
   TwoViewPoseOptions options;
+  SynthesisRequest synthesis;          ///< for "diffusion"
+  /// Folder of data set objects that are their own meshes: for "diffusion" with the synthesiser "mesh".
+  std::filesystem::path object_meshes;
 
-  /// Declares --method, --model and --matcher.
+  /// Declares --method, --model, --matcher and the options of the synthesis.
   void Declare(CLI::App& app);
 };
 
 /// Loads what the method needs; the result keeps the models alive and may be called from one thread at a time.
-/// Methods: auto, prior, matching, the name of a matcher (matching with that one), MATCHER+depth-pnp,
+/// Methods: auto, prior, matching, diffusion, the name of a matcher (matching with that one), MATCHER+depth-pnp,
 /// MATCHER+depth-procrustes, predictions=FILE.
 /// @throws InvalidOption naming the nearest method
 PoseMethod LoadPoseMethod(const MethodRequest& request);

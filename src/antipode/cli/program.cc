@@ -34,6 +34,8 @@ class CommandTable {
     root_.require_subcommand(1);
     Declare(root_, MakePoseCommand());
     Declare(root_, MakeMatchCommand());
+    Declare(root_, MakeReferenceCommand());
+    Declare(root_, MakeOrientCommand());
     Declare(root_, MakeSynthesizeCommand());
     Declare(root_, MakeRenderCommand());
     Declare(root_, MakeEvaluateCommand());

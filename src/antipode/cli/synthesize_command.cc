@@ -7,6 +7,7 @@
 #include "antipode/cli/photograph_input.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/nn/device.h"
+#include "antipode/synthesis/reference_picture.h"
 #include "antipode/synthesis/view_folder.h"
 #include "antipode/synthesis/zero123_synthesizer.h"
 #include "antipode/util/error.h"
@@ -83,10 +84,10 @@ class SynthesizeCommand : public Command {
     options.Check();
     RequireModel();
     const PhotographInput input = LoadPhotograph(picture_, "image");
-    const Zero123Synthesizer synthesizer(model_, input.photograph.image, input.photograph.mask, input.photograph.camera, options,
-                                         SelectDevice(common_.device));
-    ViewFolder folder(out_, synthesizer.fingerprint());
-    const std::vector<SynthesizedView> views = FindOrMake(requests, synthesizer, folder);
+    const ReferencePicture picture = MakeReferencePicture(input.photograph.image, input.photograph.mask, input.photograph.camera);
+    const Zero123Synthesizer synthesizer(model_, picture.picture, options, SelectDevice(common_.device));
+    ViewFolder folder(out_, synthesizer.Fingerprint());
+    const std::vector<SynthesizedView> views = Synthesize(requests, synthesizer, folder);
     folder.WriteOverviews(views);
     Report(views.size(), input);
   }
@@ -105,29 +106,13 @@ class SynthesizeCommand : public Command {
       throw Error("model 'zero123'", "is not installed", "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt");
   }
 
-  std::vector<SynthesizedView> FindOrMake(const std::vector<ViewRequest>& requests, const Zero123Synthesizer& synthesizer,
+  std::vector<SynthesizedView> Synthesize(const std::vector<ViewRequest>& requests, const Zero123Synthesizer& synthesizer,
                                           ViewFolder& folder) const {
-    std::map<std::string, SynthesizedView> views;
-    std::vector<ViewRequest> missing;
-    for (const ViewRequest& request : requests) {
-      if (auto view = folder.Find(request)) {
-        views[request.name] = std::move(*view);
-      } else {
-        missing.push_back(request);
-      }
-    }
     ProgressLine line(common_.ProgressMode());
-    const auto keep = [&](const SynthesizedView& view) {
-      folder.Add(view);
-      views[view.request.name] = view;
-    };
-    synthesizer.Synthesize(missing, keep, [&](const Progress& progress) {
+    return FindOrMakeViews(synthesizer, requests, folder, [&](const Progress& progress) {
       ThrowIfInterrupted();
       line.Show(progress);
     });
-    std::vector<SynthesizedView> in_order;
-    for (const ViewRequest& request : requests) in_order.push_back(views.at(request.name));
-    return in_order;
   }
 
   void Report(std::size_t count, const PhotographInput& input) const {

@@ -70,12 +70,6 @@ std::vector<TrackErrors> MeasurePolarAngles(const std::vector<NearbyTracks>& gro
   return errors;
 }
 
-/// Where the parabola through three equally spaced values has its minimum, in steps from the middle one.
-double ParabolaOffset(double before, double at, double after) {
-  const double curvature = before - 2 * at + after;
-  return curvature > 0 ? std::clamp(0.5 * (before - after) / curvature, -0.5, 0.5) : 0;
-}
-
 std::vector<double> Published(const std::vector<TrackErrors>& errors) {
   std::vector<double> values;
   for (const TrackErrors& error : errors) values.push_back(error.published);
@@ -167,6 +161,11 @@ PublishedSearch SearchAsPublished(const NearbyMatches& matches, NearbyOrder orde
   search.elevation_deg = 90 - static_cast<int>(fine[finest]);
   search.score = search.fine_errors[finest];
   return search;
+}
+
+double ParabolaOffset(double before, double at, double after) {
+  const double curvature = before - 2 * at + after;
+  return std::isfinite(curvature) && curvature > 0 ? std::clamp(0.5 * (before - after) / curvature, -0.5, 0.5) : 0;
 }
 
 ElevationEstimate SearchElevation(const NearbyMatches& matches, NearbyOrder order, const NearbyCameraModel& model) {

@@ -81,6 +81,9 @@ struct PublishedSearch {
 };
 PublishedSearch SearchAsPublished(const NearbyMatches& matches, NearbyOrder order, const NearbyCameraModel& model = {});
 
+/// Where the parabola through three equally spaced values has its minimum, in steps from the middle one, -0.5 to 0.5.
+double ParabolaOffset(double before, double at, double after);
+
 /// The whole range of elevations, robust score, parabola through the minimum.
 struct ElevationEstimate {
   double elevation_deg = 0;

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <vector>
 
+#include "antipode/geometry/wigner.h"
+
 namespace antipode {
 
 torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& reference, int max_degree) {
@@ -13,6 +15,17 @@ torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& re
     blocks.push_back(torch::bmm(q.transpose(1, 2), r).flatten(1));
   }
   return torch::cat(blocks, 1);
+}
+
+torch::Tensor TurnCode(const torch::Tensor& code, const Eigen::Matrix3d& rotation) {
+  const int max_degree = static_cast<int>(std::lround(std::sqrt(static_cast<double>(code.size(1))))) - 1;
+  const Eigen::VectorXf wigner = WignerMatrices(rotation, max_degree).cast<float>();
+  std::vector<torch::Tensor> degrees;
+  for (int l = 0; l <= max_degree; ++l) {
+    const auto block = torch::from_blob(const_cast<float*>(wigner.data()) + WignerOffset(l), {2 * l + 1, 2 * l + 1});
+    degrees.push_back(torch::matmul(code.slice(1, l * l, (l + 1) * (l + 1)), block.t()));
+  }
+  return torch::cat(degrees, 1);
 }
 
 torch::Tensor NegativeLogDensity(const torch::Tensor& correlations, const torch::Tensor& true_wigner,

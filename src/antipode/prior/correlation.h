@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <torch/torch.h>
 
 namespace antipode {
@@ -10,6 +11,10 @@ namespace antipode {
 /// @param query, reference [P, C, (L + 1)^2]
 /// @return [P, WignerSize(L)], the stacked C_l
 torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& reference, int max_degree);
+
+/// The code of the turned object: D(R) F.
+/// @param code [C, (L + 1)^2]
+torch::Tensor TurnCode(const torch::Tensor& code, const Eigen::Matrix3d& rotation);
 
 /// Negative log density of the true rotations under p(R) = exp(s(R)) / mean over SO(3) of exp(s), against
 /// the uniform density; the mean is taken over a grid. 0 for a code that knows nothing.

@@ -107,6 +107,14 @@ torch::Tensor ObjectPrior::Encode(std::span<const ObjectView> views) const {
   return codes;
 }
 
+torch::Tensor ObjectPrior::JoinViews(const torch::Tensor& codes, std::span<const Eigen::Matrix3d> crop_from_object) const {
+  const torch::InferenceMode inference;
+  torch::Tensor sum = torch::zeros_like(codes[0]);
+  for (std::size_t i = 0; i < crop_from_object.size(); ++i)
+    sum += TurnCode(codes[static_cast<std::int64_t>(i)], crop_from_object[i].transpose());
+  return sum / static_cast<double>(std::max<std::size_t>(1, crop_from_object.size()));
+}
+
 Eigen::VectorXf ObjectPrior::Correlation(const torch::Tensor& reference_code,
                                          const torch::Tensor& query_code) const {
   const torch::InferenceMode inference;

@@ -51,6 +51,13 @@ class ObjectPrior {
   /// @return [N, 2 C, (L + 1)^2], on the CPU
   torch::Tensor Encode(std::span<const ObjectView> views) const;
 
+  /// The code of an object seen in several posed views: the mean of their codes, each turned into the object's frame,
+  /// mean_i D(R_i^T) F_i. Comparing it gives rotations query_crop_from_object.
+  /// @param codes [N, 2 C, (L + 1)^2], of Encode
+  /// @param crop_from_object R_i
+  /// @return [2 C, (L + 1)^2]
+  torch::Tensor JoinViews(const torch::Tensor& codes, std::span<const Eigen::Matrix3d> crop_from_object) const;
+
   /// Peaks of p(query_crop_from_reference_crop), best first.
   /// @param reference_code, query_code [C, (L + 1)^2]
   std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,

@@ -6,6 +6,7 @@
 #include "antipode/geometry/rotation.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/synthetic_weights.h"
+#include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/synthesis/view_folder.h"
 #include "antipode/synthesis/zero123_synthesizer.h"
 #include "antipode/util/error.h"
@@ -15,6 +16,8 @@
 
 namespace antipode {
 namespace {
+
+constexpr SynthesisCamera kCamera{.focal_length = 1.1, .distance = 3};
 
 cv::Mat PictureWithSquare(int side) {
   cv::Mat picture(128, 128, CV_8UC3, cv::Scalar::all(255));
@@ -27,7 +30,7 @@ TEST(ViewRequests, PredefinedOnesLookAtTheObjectFromAbove) {
   ASSERT_EQ(requests.size(), 16u);
   EXPECT_NEAR(requests.front().relative.polar, 20, 1e-9) << "the first view is on the horizon, 20 degrees below the picture";
   for (const ViewRequest& request : requests) {
-    const SynthesizedView view = PosedView(request, PictureWithSquare(65));
+    const SynthesizedView view = PosedView(request, PictureWithSquare(65), kCamera);
     EXPECT_NEAR(view.camera_from_object.translation.head<2>().norm(), 0, 1e-9);
     const Eigen::Vector3d camera = view.camera_from_object.OriginInSource();
     EXPECT_NEAR(std::asin(camera.y() / camera.norm()), request.direction.elevation, 1e-9) << "+Y is up";
@@ -47,12 +50,66 @@ TEST(ViewRequests, GridsHaveAllCombinationsAndDistinctNames) {
   EXPECT_THROW(RequestPredefinedViews(4, 95), InvalidOption);
 }
 
-TEST(ViewRequests, TheDistanceComesFromTheSizeOfTheObject) {
-  const ViewRequest request = RequestPredefinedViews(1, 0).front();
-  const SynthesizedView view = PosedView(request, PictureWithSquare(65));
-  EXPECT_NEAR(view.camera.fx, 128 * std::sqrt(2.0), 1e-9);
-  EXPECT_NEAR(view.camera_from_object.translation.z(), 2 * view.camera.fx / 64, 1e-9);
-  EXPECT_THROW(PosedView(request, cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(255))), Error);
+TEST(ViewRequests, AllAroundCoversBothHemispheresEvenly) {
+  const auto requests = RequestViewsAllAround(64, 0);
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const ViewRequest& request : requests) mean += PosedView(request, PictureWithSquare(65), kCamera).camera_from_object.OriginInSource();
+  EXPECT_LT(mean.norm() / 64, 0.05 * kCamera.distance);
+  EXPECT_NEAR(requests.front().direction.elevation, -requests.back().direction.elevation, 1e-9);
+  EXPECT_THROW(RequestViewsAllAround(0, 0), InvalidOption);
+}
+
+/// The middle of the pixels that are not white.
+Eigen::Vector2d MiddleOf(const cv::Mat& picture) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int y = 0; y < picture.rows; ++y)
+    for (int x = 0; x < picture.cols; ++x)
+      if (picture.at<cv::Vec3b>(y, x) != cv::Vec3b::all(255)) sum += Eigen::Vector3d(x + 0.5, y + 0.5, 1);
+  return sum.hnormalized();
+}
+
+/// A small tetrahedron far from the origin's axes and a tiny one opposite, so that both lie on the enclosing sphere.
+Mesh TwoSpecks(const Eigen::Vector3f& at) {
+  Mesh mesh;
+  for (const float side : {1.0f, -1.0f}) {
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    const float size = side > 0 ? 0.08f : 0.002f;
+    for (const Eigen::Vector3f& corner : {Eigen::Vector3f(1, 1, 1), {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}}) {
+      mesh.positions.push_back(side * at + size * corner);
+      mesh.normals.push_back(corner.normalized());
+    }
+    for (const auto& t : {Eigen::Matrix<std::uint32_t, 3, 1>(0, 1, 2), {0, 3, 1}, {0, 2, 3}, {1, 3, 2}}) {
+      mesh.triangles.push_back((t.array() + first).matrix());
+      mesh.triangle_materials.push_back(0);
+    }
+  }
+  mesh.materials.push_back({Eigen::Vector3f(0.2f, 0.2f, 0.2f), {}});
+  return mesh;
+}
+
+TEST(MeshSynthesizer, ShowsPointsWhereTheCamerasOfItsViewsSeeThem) {
+  const Eigen::Vector3f at = Eigen::Vector3f(0.5f, 0.6f, -0.4f).normalized();
+  const MeshSynthesizer synthesizer(TwoSpecks(at));
+  int seen = 0;
+  synthesizer.Synthesize(RequestViewsAllAround(12, 0), [&](const SynthesizedView& view) {
+    const Eigen::Vector2d expected = view.camera.Project(view.camera_from_object * at.cast<double>());
+    EXPECT_LT((MiddleOf(view.image) - expected).norm(), 9) << view.request.name;
+    ++seen;
+  });
+  EXPECT_EQ(seen, 12);
+}
+
+TEST(MeshSynthesizer, RequestsAreRelativeToItsPicture) {
+  const Eigen::Vector3f at = Eigen::Vector3f(0.5f, 0.6f, -0.4f).normalized();
+  MeshSynthesisOptions options;
+  options.picture = {.azimuth = 40, .elevation = 25, .in_plane_rotation = 0};
+  const MeshSynthesizer own(TwoSpecks(at)), relative(TwoSpecks(at), options);
+  const double elevations[] = {45}, azimuths[] = {100}, relative_azimuths[] = {60};
+  cv::Mat absolute_picture, relative_picture;
+  own.Synthesize(RequestViews(elevations, azimuths, 0), [&](const SynthesizedView& view) { absolute_picture = view.image; });
+  relative.Synthesize(RequestViews(elevations, relative_azimuths, 25), [&](const SynthesizedView& view) { relative_picture = view.image; });
+  EXPECT_EQ(cv::norm(absolute_picture, relative_picture, cv::NORM_INF), 0);
+  EXPECT_NE(own.Fingerprint(), relative.Fingerprint());
 }
 
 TEST(ViewFolder, KeepsWholeViewsOfTheSameSettingsOnly) {
@@ -60,16 +117,18 @@ TEST(ViewFolder, KeepsWholeViewsOfTheSameSettingsOnly) {
   const auto requests = RequestPredefinedViews(3, 0);
   {
     ViewFolder folder(temporary.path(), "settings");
-    folder.Add(PosedView(requests[0], PictureWithSquare(65)));
-    folder.Add(PosedView(requests[1], PictureWithSquare(33)));
+    folder.Add(PosedView(requests[0], PictureWithSquare(65), kCamera));
+    folder.Add(PosedView(requests[1], PictureWithSquare(33), {1.5, 5}));
   }
   ViewFolder folder(temporary.path(), "settings");
   ASSERT_TRUE(folder.Find(requests[0]));
-  EXPECT_NEAR(folder.Find(requests[1])->camera_from_object.translation.z(), 2 * 128 * std::sqrt(2.0) / 32, 1e-9);
+  const SynthesizedView found = *folder.Find(requests[1]);
+  EXPECT_NEAR(found.camera_from_object.translation.z(), 5, 1e-9);
+  EXPECT_NEAR(found.camera.fx, 1.5 * 128, 1e-9);
   EXPECT_FALSE(folder.Find(requests[2]));
   WriteFileAtomically(temporary.path() / (requests[0].name + ".png"), "damaged");
   EXPECT_FALSE(folder.Find(requests[0]));
-  folder.Add(PosedView(requests[2], PictureWithSquare(20)));
+  folder.Add(PosedView(requests[2], PictureWithSquare(20), kCamera));
   const auto list = nlohmann::json::parse(ReadFile(temporary.path() / "views.json"));
   EXPECT_EQ(list.at("views").size(), 3u);
   for (const auto& view : list.at("views")) EXPECT_TRUE(view.contains("camera_from_object")) << view;
@@ -82,7 +141,7 @@ TEST(ViewFolder, TellsOtherToolsTheSameCameras) {
   const TemporaryFolder temporary;
   const ViewFolder folder(temporary.path(), "x");
   std::vector<SynthesizedView> views;
-  for (const ViewRequest& request : RequestPredefinedViews(5, 0)) views.push_back(PosedView(request, PictureWithSquare(65)));
+  for (const ViewRequest& request : RequestPredefinedViews(5, 0)) views.push_back(PosedView(request, PictureWithSquare(65), kCamera));
   folder.WriteOverviews(views);
   const auto transforms = nlohmann::json::parse(ReadFile(temporary.path() / "transforms.json"));
   for (std::size_t i = 0; i < views.size(); ++i) {
@@ -120,13 +179,11 @@ std::filesystem::path SaveSmallModel(const std::filesystem::path& folder) {
 TEST(Zero123Synthesizer, MakesThePicturesAskedForWhateverTheBatch) {
   const TemporaryFolder temporary;
   const std::string model = SaveSmallModel(temporary.path()).string();
-  cv::Mat mask = cv::Mat::zeros(128, 128, CV_8U);
-  mask(cv::Rect(40, 40, 48, 48)) = 255;
   const auto requests = RequestPredefinedViews(3, 0);
   std::vector<std::vector<cv::Mat>> runs;
   for (const int batch : {1, 3}) {
     const Zero123SynthesisOptions options{.sampling = {.solver = Solver::kDpmSolverPlusPlus, .steps = 2, .eta = 0}, .batch = batch};
-    const Zero123Synthesizer synthesizer(model, PictureWithSquare(48), mask, {128, 128, 150, 150, 64, 64}, options);
+    const Zero123Synthesizer synthesizer(model, PictureWithSquare(48), options);
     runs.emplace_back();
     synthesizer.Synthesize(requests, [&](const SynthesizedView& view) { runs.back().push_back(view.image); });
   }

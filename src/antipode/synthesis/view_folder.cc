@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <sstream>
 
 #include <nlohmann/json.hpp>
@@ -48,6 +49,19 @@ Json ViewJson(const SynthesizedView& view, const std::string& sha256) {
           {"camera", {{"fx", camera.fx}, {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}, {"width", camera.width},
                       {"height", camera.height}}},
           {"camera_from_object", Rows(MatrixOf(view.camera_from_object))}};
+}
+
+PinholeCamera CameraFrom(const Json& json) {
+  return {json.at("width"), json.at("height"), json.at("fx"), json.at("fy"), json.at("cx"), json.at("cy")};
+}
+
+Rigid3 PoseFrom(const Json& rows) {
+  Rigid3 pose;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = rows.at(r).at(c);
+    pose.translation[r] = rows.at(r).at(3);
+  }
+  return pose;
 }
 
 /// x right, y up, z backward, in a world with +Z up, as NeRF tools have it.
@@ -110,9 +124,47 @@ ViewFolder::ViewFolder(fs::path folder, std::string fingerprint)
 
 std::optional<SynthesizedView> ViewFolder::Find(const ViewRequest& request) const {
   const auto entry = std::ranges::find(entries_, request.name, &Entry::name);
-  const fs::path file = folder_ / FileOf(request.name);
-  if (entry == entries_.end() || !fs::exists(file) || Sha256OfFile(file) != entry->sha256) return std::nullopt;
-  return PosedView(request, LoadImage(file.string()).rgb);
+  if (entry == entries_.end() || !IsIntact(*entry)) return std::nullopt;
+  SynthesizedView view = Read(*entry);
+  view.request = request;
+  return view;
+}
+
+bool ViewFolder::IsIntact(const Entry& entry) const {
+  const fs::path file = folder_ / FileOf(entry.name);
+  return fs::exists(file) && Sha256OfFile(file) == entry.sha256;
+}
+
+SynthesizedView ViewFolder::Read(const Entry& entry) const {
+  try {
+    const Json json = Json::parse(entry.json);
+    ViewRequest request;
+    request.name = entry.name;
+    request.direction = {RadiansFromDegrees(json.at("elevation_deg")), RadiansFromDegrees(json.at("azimuth_deg"))};
+    return {request, LoadImage((folder_ / FileOf(entry.name)).string()).rgb, CameraFrom(json.at("camera")),
+            PoseFrom(json.at("camera_from_object"))};
+  } catch (const Json::exception&) {
+    throw BadFile((folder_ / kListFile).string(), "is damaged", "remove it; all views will be made again");
+  }
+}
+
+std::vector<SynthesizedView> ViewFolder::LoadAll(const fs::path& folder) {
+  const fs::path list = folder / kListFile;
+  if (!fs::exists(list)) throw BadFile(list.string(), "is missing", "build the folder again");
+  std::string fingerprint;
+  try {
+    fingerprint = Json::parse(ReadFile(list)).at("fingerprint");
+  } catch (const Json::exception&) {
+    throw BadFile(list.string(), "is damaged", "build the folder again");
+  }
+  const ViewFolder files(folder, fingerprint);
+  std::vector<SynthesizedView> views;
+  for (const Entry& entry : files.entries_) {
+    if (!files.IsIntact(entry))
+      throw BadFile((folder / FileOf(entry.name)).string(), "is missing or not what was written", "build the folder again");
+    views.push_back(files.Read(entry));
+  }
+  return views;
 }
 
 void ViewFolder::Add(const SynthesizedView& view) {
@@ -149,6 +201,27 @@ cv::Mat ContactSheet(const std::vector<SynthesizedView>& views) {
     views[static_cast<std::size_t>(i)].image.copyTo(
         sheet(cv::Rect({i % columns * cell.width, i / columns * cell.height}, cell)));
   return sheet;
+}
+
+std::vector<SynthesizedView> FindOrMakeViews(const ViewSynthesizer& synthesizer, std::span<const ViewRequest> requests,
+                                             ViewFolder& folder, const ProgressCallback& progress) {
+  std::map<std::string, SynthesizedView> views;
+  std::vector<ViewRequest> missing;
+  for (const ViewRequest& request : requests) {
+    if (auto view = folder.Find(request)) {
+      views[request.name] = std::move(*view);
+    } else {
+      missing.push_back(request);
+    }
+  }
+  const auto keep = [&](const SynthesizedView& view) {
+    folder.Add(view);
+    views[view.request.name] = view;
+  };
+  synthesizer.Synthesize(missing, keep, progress);
+  std::vector<SynthesizedView> in_order;
+  for (const ViewRequest& request : requests) in_order.push_back(views.at(request.name));
+  return in_order;
 }
 
 }  // namespace antipode

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "antipode/synthesis/view_request.h"
+#include "antipode/synthesis/view_synthesizer.h"
 
 namespace antipode {
 
@@ -20,6 +20,10 @@ class ViewFolder {
   /// The view if it is there and its file is what was written.
   std::optional<SynthesizedView> Find(const ViewRequest& request) const;
 
+  /// All views of a finished folder, whatever made them.
+  /// @throws BadFile naming what is missing or not as it was written
+  static std::vector<SynthesizedView> LoadAll(const std::filesystem::path& folder);
+
   /// Writes the picture, then the list. @throws Error if it cannot be written
   void Add(const SynthesizedView& view);
 
@@ -31,6 +35,8 @@ class ViewFolder {
   struct Entry {
     std::string name, sha256, json;
   };
+  bool IsIntact(const Entry& entry) const;
+  SynthesizedView Read(const Entry& entry) const;
   void WriteList() const;
 
   std::filesystem::path folder_;
@@ -40,5 +46,9 @@ class ViewFolder {
 
 /// All pictures side by side, in rows.
 cv::Mat ContactSheet(const std::vector<SynthesizedView>& views);
+
+/// The views of the requests, in their order: those that the folder has, and the others made and added.
+std::vector<SynthesizedView> FindOrMakeViews(const ViewSynthesizer& synthesizer, std::span<const ViewRequest> requests,
+                                             ViewFolder& folder, const ProgressCallback& progress = {});
 
 }  // namespace antipode

@@ -1,12 +1,10 @@
 #include "antipode/synthesis/view_request.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
-#include "antipode/zero123/picture.h"
 
 namespace antipode {
 namespace {
@@ -50,14 +48,23 @@ std::vector<ViewRequest> RequestViews(std::span<const double> elevations_deg, st
   return requests;
 }
 
-SynthesizedView PosedView(const ViewRequest& request, const cv::Mat& image) {
-  const double side = image.cols;
-  const double focal_length = std::numbers::sqrt2 * side;
-  const cv::Size extent = BoxOfObject(image).size();
-  const double distance = 2 * focal_length / std::max(extent.width, extent.height);
-  Rigid3 camera_from_object = CameraFromCanonical(request.direction, distance);
+std::vector<ViewRequest> RequestViewsAllAround(int count, double reference_elevation_deg) {
+  CheckElevation(reference_elevation_deg);
+  if (count < 1) throw InvalidOption("views", "is " + std::to_string(count), "use at least 1");
+  std::vector<ViewRequest> requests;
+  for (int i = 0; i < count; ++i) {
+    const double turns = i / std::numbers::phi;
+    requests.push_back(Request({std::asin(1 - (2 * i + 1.0) / count), 2 * std::numbers::pi * (turns - std::floor(turns))},
+                               reference_elevation_deg));
+  }
+  return requests;
+}
+
+SynthesizedView PosedView(const ViewRequest& request, const cv::Mat& image, const SynthesisCamera& camera) {
+  const double focal_length = camera.focal_length * image.cols;
+  Rigid3 camera_from_object = CameraFromCanonical(request.direction, camera.distance);
   camera_from_object.rotation = camera_from_object.rotation * CanonicalFromObjectRotation();
-  return {request, image, {image.cols, image.rows, focal_length, focal_length, side / 2, image.rows / 2.0}, camera_from_object};
+  return {request, image, {image.cols, image.rows, focal_length, focal_length, image.cols / 2.0, image.rows / 2.0}, camera_from_object};
 }
 
 }  // namespace antipode

@@ -19,12 +19,12 @@ struct ViewRequest {
   RelativeView relative;         ///< to the picture
 };
 
-/// A view that was made.
+/// A view that was made. The frame of the object has +Y up; where the picture is known to look from, azimuth 0 is its own.
 struct SynthesizedView {
   ViewRequest request;
   cv::Mat image;              ///< 8UC3, RGB, object on white
-  PinholeCamera camera;       ///< f = sqrt(2) side, principal point in the middle
-  Rigid3 camera_from_object;  ///< object frame with +Y up; unit: object radii
+  PinholeCamera camera;       ///< principal point in the middle
+  Rigid3 camera_from_object;  ///< unit: object radii
 };
 
 /// The paper's viewpoints (see PredefinedViewpoints).
@@ -36,9 +36,17 @@ std::vector<ViewRequest> RequestPredefinedViews(int count, double reference_elev
 std::vector<ViewRequest> RequestViews(std::span<const double> elevations_deg, std::span<const double> azimuths_deg,
                                       double reference_elevation_deg);
 
-/// The camera of a synthesised picture. The distance is such that the larger side of the box of pixels that differ from
-/// white by more than 5 in some channel spans two radii: 2 f / side (specification of the published program).
-/// @throws Error if the picture is all white
-SynthesizedView PosedView(const ViewRequest& request, const cv::Mat& image);
+/// `count` viewpoints all around the object, on a golden-angle spiral: the sine of the elevation in equal steps.
+std::vector<ViewRequest> RequestViewsAllAround(int count, double reference_elevation_deg);
+
+/// The camera that a synthesiser imagines its pictures with: the same for all views, so that they agree on the size of
+/// the object. (The published program gives every view a distance of its own, see published::ViewCameraOf.)
+struct SynthesisCamera {
+  double focal_length = 0;  ///< in sides of the square picture
+  double distance = 0;      ///< object radii
+};
+
+/// The view as that camera sees it, the object's centre on the optical axis.
+SynthesizedView PosedView(const ViewRequest& request, const cv::Mat& image, const SynthesisCamera& camera);
 
 }  // namespace antipode

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <new>
+#include <utility>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgproc.hpp>
 
-#include "antipode/object/object_view.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/weights/registry.h"
@@ -15,14 +14,11 @@
 namespace antipode {
 namespace {
 
-constexpr int kLeastCrop = 32, kGreatestCrop = 2048;
+constexpr double kFocalLength = 280.0 / 256;  // of the model's training views: a 35 mm lens before a 32 mm sensor
 
-/// The object-centric crop at the photograph's own resolution, prepared as the model was trained.
-cv::Mat ReferencePicture(const cv::Mat& image, const cv::Mat& mask, const PinholeCamera& camera) {
-  const cv::Rect box = cv::boundingRect(mask > 125);
-  ObjectViewOptions options;
-  options.size = std::clamp(static_cast<int>((1 + 2 * options.margin) * std::max(box.width, box.height)), kLeastCrop, kGreatestCrop);
-  return PrepareReferencePicture(MakeObjectView(image, mask, camera, options).image);
+SynthesisCamera CameraOf(const cv::Mat& picture) {
+  const cv::Size extent = BoxOfObject(picture).size();
+  return {kFocalLength, 2 * kFocalLength * picture.cols / std::max(extent.width, extent.height)};
 }
 
 std::string FingerprintOf(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options) {
@@ -42,14 +38,27 @@ void Zero123SynthesisOptions::Check() const {
   if (batch < 1 || batch > 256) throw InvalidOption("batch", "is " + std::to_string(batch), "use 1 to 256");
 }
 
-Zero123Synthesizer::Zero123Synthesizer(const std::string& model, const cv::Mat& image, const cv::Mat& mask,
-                                       const PinholeCamera& camera, const Zero123SynthesisOptions& options,
-                                       torch::Device device)
-    : model_(Zero123::Load(model, device)), options_(options), picture_(ReferencePicture(image, mask, camera)),
-      fingerprint_(FingerprintOf(picture_, FindModel(model).sha256, options.sampling)) {
+struct Zero123Synthesizer::Loaded {
+  Zero123 model;
+  PictureConditioning conditioning;
+};
+
+Zero123Synthesizer::Zero123Synthesizer(const std::string& model, const cv::Mat& object_on_white,
+                                       const Zero123SynthesisOptions& options, torch::Device device)
+    : model_name_(model), options_(options), device_(device), picture_(PrepareReferencePicture(object_on_white)),
+      camera_(CameraOf(picture_)), fingerprint_(FingerprintOf(picture_, FindModel(model).sha256, options.sampling)) {
   options.Check();
+}
+
+Zero123Synthesizer::~Zero123Synthesizer() = default;
+
+const Zero123Synthesizer::Loaded& Zero123Synthesizer::Load() const {
+  if (loaded_) return *loaded_;
   const torch::InferenceMode inference;
-  conditioning_ = model_.Condition(PictureTensor(picture_).to(device));
+  Zero123 model = Zero123::Load(model_name_, device_);
+  PictureConditioning conditioning = model.Condition(PictureTensor(picture_).to(device_));
+  loaded_ = std::make_unique<Loaded>(Loaded{std::move(model), std::move(conditioning)});
+  return *loaded_;
 }
 
 std::vector<cv::Mat> Zero123Synthesizer::Imagine(std::span<const ViewRequest> requests, const ProgressCallback& progress) const {
@@ -60,16 +69,19 @@ std::vector<cv::Mat> Zero123Synthesizer::Imagine(std::span<const ViewRequest> re
     viewpoints.push_back(request.relative);
     names.push_back(request.name);
   }
-  const auto latents = model_.SampleLatents(conditioning_, viewpoints, names, options_.sampling, progress);
+  const auto& [model, conditioning] = Load();
+  const auto latents = model.SampleLatents(conditioning, viewpoints, names, options_.sampling, progress);
   std::vector<cv::Mat> pictures;
   for (std::int64_t i = 0; i < latents.size(0); ++i)
-    pictures.push_back(PicturesOf(model_.Decode(latents.slice(0, i, i + 1))).front());
+    pictures.push_back(PicturesOf(model.Decode(latents.slice(0, i, i + 1))).front());
   return pictures;
 }
 
 void Zero123Synthesizer::Synthesize(std::span<const ViewRequest> requests, const std::function<void(const SynthesizedView&)>& use,
                                     const ProgressCallback& progress) const {
-  const auto evaluations = static_cast<std::int64_t>(TimesOf(options_.sampling, model_.schedule).times.size());
+  if (requests.empty()) return;
+  if (progress) progress({"loading the model", 0, 0, {}});
+  const auto evaluations = static_cast<std::int64_t>(TimesOf(options_.sampling, Load().model.schedule).times.size());
   const auto batch = static_cast<std::size_t>(options_.batch);
   const auto batches = static_cast<std::int64_t>((requests.size() + batch - 1) / batch);
   for (std::size_t first = 0; first < requests.size(); first += batch) {
@@ -80,7 +92,7 @@ void Zero123Synthesizer::Synthesize(std::span<const ViewRequest> requests, const
     };
     try {
       const std::vector<cv::Mat> pictures = Imagine(some, report);
-      for (std::size_t i = 0; i < some.size(); ++i) use(PosedView(some[i], pictures[i]));
+      for (std::size_t i = 0; i < some.size(); ++i) use(PosedView(some[i], pictures[i], camera_));
     } catch (const c10::OutOfMemoryError&) {
       throw Error("denoising", "ran out of memory", "use a smaller --batch");
     } catch (const std::bad_alloc&) {

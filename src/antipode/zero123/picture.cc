@@ -111,12 +111,6 @@ cv::Size FittedSize(cv::Size size, int fit) {
 
 cv::Mat WhiteSquare(int side) { return {side, side, CV_8UC3, cv::Scalar::all(255)}; }
 
-cv::Mat PaddedToSquare(const cv::Mat& picture, int side) {
-  cv::Mat square = WhiteSquare(side);
-  picture.copyTo(square(cv::Rect({(side - picture.cols) / 2, (side - picture.rows) / 2}, picture.size())));
-  return square;
-}
-
 /// The cubic through four samples with derivative weight -1, between the middle ones.
 double Cubic(const std::array<double, 4>& v, double t) {
   return v[1] + t * (-v[0] + v[2] + t * (2 * (v[0] - v[1]) + v[2] - v[3] + t * (-v[0] + v[1] - v[2] + v[3])));
@@ -158,6 +152,12 @@ cv::Mat ShrinkByLanczos(const cv::Mat& image, cv::Size size) {
   cv::Mat out;
   cv::transpose(ResampleRows(turned, TapsOf(reduced.rows, height, size.height)), out);
   return out;
+}
+
+cv::Mat PaddedToSquare(const cv::Mat& picture, int side) {
+  cv::Mat square = WhiteSquare(side);
+  picture.copyTo(square(cv::Rect({(side - picture.cols) / 2, (side - picture.rows) / 2}, picture.size())));
+  return square;
 }
 
 cv::Mat PrepareReferencePicture(const cv::Mat& image, int fit, int canvas) {
@@ -223,18 +223,6 @@ cv::Mat TurnedOnWhite(const cv::Mat& picture, double angle_deg) {
     }
   }
   return turned;
-}
-
-std::vector<cv::Mat> RotationCandidates(const cv::Mat& picture, std::span<const double> angles_deg) {
-  std::vector<cv::Mat> candidates;
-  int side = 0;
-  for (const double angle : angles_deg) {
-    const cv::Mat turned = TurnedOnWhite(picture, angle);
-    candidates.push_back(turned(BoxOfObject(turned)).clone());
-    side = std::max({side, candidates.back().cols, candidates.back().rows});
-  }
-  for (cv::Mat& candidate : candidates) candidate = PaddedToSquare(candidate, side);
-  return candidates;
 }
 
 }  // namespace antipode

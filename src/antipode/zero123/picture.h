@@ -37,8 +37,7 @@ cv::Rect BoxOfObject(const cv::Mat& picture);
 /// about the centre by bicubic interpolation.
 cv::Mat TurnedOnWhite(const cv::Mat& picture, double angle_deg);
 
-/// TurnedOnWhite by each angle, cropped to the pixels that differ from white by more than 5 in some channel
-/// (without the last row and column of these), all padded with white to one square.
-std::vector<cv::Mat> RotationCandidates(const cv::Mat& picture, std::span<const double> angles_deg);
+/// In the middle of a white square; the odd pixel goes to the right and to the bottom.
+cv::Mat PaddedToSquare(const cv::Mat& picture, int side);
 
 }  // namespace antipode

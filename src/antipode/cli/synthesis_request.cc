@@ -1,0 +1,123 @@
+#include "antipode/cli/synthesis_request.h"
+
+#include <CLI/CLI.hpp>
+
+#include "antipode/nn/device.h"
+#include "antipode/render/mesh.h"
+#include "antipode/report/formatted.h"
+#include "antipode/synthesis/mesh_synthesizer.h"
+#include "antipode/synthesis/reference_picture.h"
+#include "antipode/synthesis/zero123_synthesizer.h"
+#include "antipode/util/error.h"
+#include "antipode/util/quote.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+constexpr char kUprightModel[] = "upright";
+constexpr double kUncertain = 0.8;
+
+std::optional<UprightEstimator> LoadUpright(const std::string& prior_sha256) {
+  if (!IsModelInstalled(kUprightModel)) return std::nullopt;
+  try {
+    return UprightEstimator::Load(kUprightModel, prior_sha256);
+  } catch (const BadFile&) {
+    return std::nullopt;  // of another prior; whoever needs it says so
+  }
+}
+
+Zero123SynthesisOptions OptionsOf(const SynthesisRequest& request) {
+  Zero123SynthesisOptions options;
+  if (request.preset == "fast") options.sampling = Zero123Options::Fast();
+  options.sampling.seed = request.seed;
+  options.batch = request.batch;
+  return options;
+}
+
+}  // namespace
+
+void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const std::string& views_option) {
+  const auto in_group = [&](CLI::Option* option) {
+    if (!group.empty()) option->group(group);
+  };
+  in_group(app.add_option("--synthesizer", synthesizer, "zero123: imagine the object from the photograph; mesh: render --mesh")
+               ->capture_default_str()->type_name("NAME"));
+  in_group(app.add_option("--mesh", mesh, "The object's mesh (.glb, .gltf or what assimp reads); implies --synthesizer mesh")
+               ->type_name("FILE"));
+  in_group(app.add_option("--synthesis-model", model, "The diffusion model: name or folder")->capture_default_str()->type_name("NAME|FOLDER"));
+  in_group(app.add_option("--preset", preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()->type_name("NAME"));
+  in_group(app.add_option(views_option, views, "Views of the object, on all sides")->capture_default_str()->type_name("N")->check(CLI::Range(8, 1024)));
+  in_group(app.add_option("--batch", batch, "Views imagined at a time; memory grows with it")->capture_default_str()->type_name("N"));
+  in_group(app.add_option("--elevation", elevation_deg, "Elevation of the reference camera above the object's horizon, degrees; without: estimated")
+               ->type_name("DEG")->check(CLI::Range(-90.0, 90.0)));
+  in_group(app.add_option("--in-plane-rotation", in_plane_rotation_deg, "How far the reference picture is turned clockwise, degrees; without: estimated")
+               ->type_name("DEG")->check(CLI::Range(-180.0, 180.0)));
+}
+
+void SynthesisRequest::Check() const {
+  if (!mesh.empty()) return;
+  if (IsMesh()) throw InvalidOption("--synthesizer mesh", "has no mesh", "give --mesh object.glb");
+  if (synthesizer != "zero123") throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use zero123 or mesh");
+  if (preset != "fast" && preset != "paper") throw InvalidOption("--preset", Quoted(preset) + " is unknown", "use fast or paper");
+  if (model == "zero123" && !IsModelInstalled(model))
+    throw Error("model 'zero123'", "is not installed",
+                "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or give the object's --mesh");
+}
+
+ReferenceModels ReferenceModels::Load(const std::string& prior, const std::string& device) {
+  ReferenceModels models;
+  models.prior = std::make_shared<const ObjectPrior>(ObjectPrior::Load(prior, SelectDevice(device)));
+  models.identity = {FindModel(prior).sha256};
+  models.upright = LoadUpright(models.identity.sha256);
+  return models;
+}
+
+PhotographOrientation OrientPhotograph(const SynthesisRequest& request, const ReferenceModels& models, const ObjectPhotograph& photograph) {
+  PhotographOrientation result;
+  if (!request.elevation_deg || !request.in_plane_rotation_deg) {
+    if (!models.upright)
+      throw Error("orientation", "cannot be estimated without the model 'upright' of this prior",
+                  "give --elevation and --in-plane-rotation");
+    const std::vector<ObjectView> view{MakeObjectView(photograph.image, photograph.mask, photograph.camera, models.prior->ViewOptions())};
+    result.orientation = models.upright->Estimate(models.prior->Encode(view)[0]);
+    result.warnings.push_back(Formatted("the camera's elevation is estimated as %.0f degrees, its in-plane rotation as %.0f",
+                                        result.orientation.elevation_deg, result.orientation.in_plane_rotation_deg));
+    if (result.orientation.certainty < kUncertain)
+      result.warnings.emplace_back("which way is up is uncertain; give --elevation and --in-plane-rotation if you know them");
+  }
+  if (request.elevation_deg) result.orientation.elevation_deg = *request.elevation_deg;
+  if (request.in_plane_rotation_deg) result.orientation.in_plane_rotation_deg = *request.in_plane_rotation_deg;
+  return result;
+}
+
+std::unique_ptr<ViewSynthesizer> SynthesizerOf(const SynthesisRequest& request, const ObjectPhotograph& photograph, double turn_deg) {
+  if (!request.mesh.empty())
+    throw InvalidOption("--search", "has nothing to search with a mesh", "'antipode pose --mesh' finds the whole pose");
+  const ReferencePicture picture = MakeReferencePicture(photograph.image, photograph.mask, photograph.camera, turn_deg);
+  return std::make_unique<Zero123Synthesizer>(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
+}
+
+Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
+                             const std::optional<Rigid3>& source_from_object, const std::filesystem::path& folder,
+                             const ProgressCallback& progress) {
+  const MeshSynthesizer synthesizer(LoadMesh(mesh));
+  return BuildReference(synthesizer, RequestViewsAllAround(views, 0), *models.prior, models.identity, source_from_object, folder, progress);
+}
+
+Reference BuildReference(const SynthesisRequest& request, const ReferenceModels& models, const ObjectPhotograph* photograph,
+                         const std::filesystem::path& folder, const ProgressCallback& progress) {
+  request.Check();
+  if (!request.mesh.empty()) return BuildMeshReference(request.mesh, request.views, models, std::nullopt, folder, progress);
+  const PhotographOrientation oriented = OrientPhotograph(request, models, *photograph);
+  const double elevation = oriented.orientation.elevation_deg;
+  const ReferencePicture picture =
+      MakeReferencePicture(photograph->image, photograph->mask, photograph->camera, oriented.orientation.in_plane_rotation_deg);
+  const Zero123Synthesizer synthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  Reference reference = BuildReference(synthesizer, RequestViewsAllAround(request.views, elevation), *models.prior, models.identity,
+                                       picture.CameraFromObject(elevation), folder, progress);
+  reference.warnings.insert(reference.warnings.end(), oriented.warnings.begin(), oriented.warnings.end());
+  return reference;
+}
+
+}  // namespace antipode

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/App.hpp>
+
+#include "antipode/orientation/orientation.h"
+#include "antipode/pose/reference_build.h"
+#include "antipode/pose/two_view_pose.h"
+
+namespace antipode {
+
+/// Where the views of an object come from, as the command line names it.
+struct SynthesisRequest {
+  std::string synthesizer = "zero123";     ///< or "mesh"
+  std::string mesh;                        ///< file, for "mesh"
+  std::string model = "zero123";
+  std::string preset = "fast";
+  int views = 64, batch = 4;
+  std::optional<double> elevation_deg, in_plane_rotation_deg;  ///< of the photograph; without: estimated
+  std::uint64_t seed = 1;
+  std::string device = "auto";
+
+  /// Declares --synthesizer, --mesh, --synthesis-model, --preset, --views, --batch, --elevation, --in-plane-rotation.
+  /// @param views_option what --views is called, where that means something else
+  void Declare(CLI::App& app, const std::string& group = {}, const std::string& views_option = "--views");
+  /// @throws InvalidOption if options are missing or do not fit together
+  void Check() const;
+  bool IsMesh() const { return synthesizer == "mesh"; }
+};
+
+/// The prior with what else references need.
+struct ReferenceModels {
+  std::shared_ptr<const ObjectPrior> prior;
+  PriorIdentity identity;
+  std::optional<UprightEstimator> upright;  ///< nothing if it is not installed or belongs to another prior
+
+  static ReferenceModels Load(const std::string& prior, const std::string& device);
+};
+
+/// How a photograph stands, from what is given and what the code says.
+struct PhotographOrientation {
+  Orientation orientation;
+  std::vector<std::string> warnings;  ///< what was assumed or is uncertain
+};
+PhotographOrientation OrientPhotograph(const SynthesisRequest& request, const ReferenceModels& models, const ObjectPhotograph& photograph);
+
+/// Imagines the object of a photograph that is first turned counter-clockwise.
+std::unique_ptr<ViewSynthesizer> SynthesizerOf(const SynthesisRequest& request, const ObjectPhotograph& photograph, double turn_deg);
+
+/// The reference of a photograph or, for a mesh, of the mesh alone.
+/// @param photograph not null unless the views come from a mesh
+/// @param folder see BuildReference
+Reference BuildReference(const SynthesisRequest& request, const ReferenceModels& models, const ObjectPhotograph* photograph,
+                         const std::filesystem::path& folder, const ProgressCallback& progress);
+
+/// The reference of a mesh, all sides.
+Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
+                             const std::optional<Rigid3>& source_from_object, const std::filesystem::path& folder = {},
+                             const ProgressCallback& progress = {});
+
+}  // namespace antipode

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "antipode/matching/matcher.h"
+#include "antipode/pose/reference.h"
+#include "antipode/pose/two_view_pose.h"
+
+namespace antipode {
+
+struct ObjectPoseHypothesis {
+  Rigid3 camera_from_object;
+  double probability = 0;  ///< that the rotation is within 15 degrees of the truth
+  std::string source = "prior";  ///< "prior" or "matching"
+};
+
+/// Where a known object is in a photograph.
+struct ObjectPose {
+  std::vector<ObjectPoseHypothesis> hypotheses;  ///< best first
+  double confidence = 0;  ///< how often a rotation error is below 30 degrees
+  ObjectView view;        ///< the object-centric crop
+  std::map<std::string, double> timings_s, evidence;
+  std::vector<std::string> warnings;
+};
+
+struct ObjectPoseOptions {
+  int hypotheses = 5;        ///< modes of the posterior, each verified by matching with the view nearest to it
+  ViewMatchingOptions matching;
+  void Check() const;
+};
+
+/// Pose of the object of a reference in a photograph: the posterior of the prior given all views, then its modes verified
+/// and refined by matches with the views near to them.
+/// @param matcher may be null: then the modes stay as they are
+ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPrior& prior, const Matcher* matcher,
+                              const ObjectPhotograph& photograph, const ObjectPoseOptions& options = {});
+
+/// Both object poses composed: every hypothesis of the query with the best of the reference.
+TwoViewPose ComposeObjectPoses(ObjectPose reference, ObjectPose query);
+
+/// The query relative to the photograph that the reference was built from, or to the object if there is none.
+TwoViewPose RelativeToSource(const Reference& reference, ObjectPose query);
+
+/// The index of the view whose direction from the object is nearest to that of a camera with this rotation.
+std::size_t NearestView(const Reference& reference, const Eigen::Matrix3d& camera_from_object);
+
+/// Where an object of this rotation is in a crop: its size and place there are those of the nearest view.
+Rigid3 PlaceObject(const Reference& reference, const ObjectView& crop, const Eigen::Matrix3d& crop_from_object);
+
+}  // namespace antipode
