@@ -10,6 +10,9 @@
 #include "antipode/evaluation/evaluation_files.h"
 #include "antipode/evaluation/evaluation_summary.h"
 #include "antipode/evaluation/false_confidence.h"
+#include "antipode/evaluation/orientation_evaluation.h"
+#include "antipode/matching/matchers.h"
+#include "antipode/nn/device.h"
 #include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -55,6 +58,12 @@ class EvaluateCommand : public Command {
     app.add_option("--different-objects", different_objects_,
                    "Instead of accuracy, measure the confidence on N pairs that show two different objects")
         ->type_name("N");
+    app.add_option("--sweep", sweep_, "The route diffusion with 8 to 128 reference views, or with 0 to 3 refinement steps")
+        ->type_name("views|iterations");
+    app.add_option("--orientation", orientation_views_,
+                   "Instead of poses, measure the camera's elevation and in-plane rotation on N views of each object: from the "
+                   "prior's code, and by the search with the object's mesh as synthesiser")
+        ->type_name("N");
     app.add_flag("--check-swap", options_.check_swap, "Also estimate every pair the other way round");
     common_.Declare(app);
   }
@@ -66,7 +75,8 @@ class EvaluateCommand : public Command {
     request.device = common_.device;
     request.synthesis.seed = common_.seed;
     if (dataset_ == "objects") request.object_meshes = Folder();
-    const std::vector<PoseMethod> methods = LoadPoseMethods(request);
+    if (orientation_views_) return ReportOrientation(*dataset);
+    const std::vector<PoseMethod> methods = sweep_ ? LoadSweep(request, *sweep_) : LoadPoseMethods(request);
     if (methods.empty()) throw InvalidOption("--method", "is empty", "name at least one method");
     if (different_objects_) return ReportFalseConfidence(*dataset, methods);
     const std::vector<EvaluationResult> results = Evaluate(*dataset, methods);
@@ -97,6 +107,30 @@ class EvaluateCommand : public Command {
       ThrowIfInterrupted();
       line.Show(progress);
     });
+  }
+
+  void ReportOrientation(const Dataset& dataset) const {
+    if (dataset_ != "objects") throw InvalidOption("--orientation", "needs the true vertical axis", "use it with --dataset objects");
+    ProgressLine line(common_.ProgressMode());
+    const auto report = [&](const Progress& progress) {
+      ThrowIfInterrupted();
+      line.Show(progress);
+    };
+    const ReferenceModels models = ReferenceModels::Load(method_.model, common_.device);
+    const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
+    nlohmann::ordered_json json;
+    const auto add = [&](const char* name, const OrientationErrors& errors) {
+      json[name] = {{"views", errors.elevation.size()}, {"failures", errors.failures},
+                    {"median_elevation_error_deg", Median(errors.elevation)}, {"median_in_plane_error_deg", Median(errors.in_plane)}};
+      if (common_.PrintsText())
+        std::cout << Formatted("%-7s %4zu views  median error: elevation %5.1f  in-plane rotation %5.1f degrees  failures %d\n", name,
+                               errors.elevation.size(), Median(errors.elevation), Median(errors.in_plane), errors.failures);
+    };
+    if (models.upright) add("code", MeasureUprightEstimator(dataset, *orientation_views_, *models.prior, *models.upright, report));
+    OrientationSearchOptions search;
+    if (!rotated_) search.in_plane_rotations_deg = {0};
+    add("search", MeasureOrientationSearch(dataset, *orientation_views_, Folder(), *matcher, search, report));
+    common_.WriteJson({{"orientation", json}});
   }
 
   void ReportFalseConfidence(const Dataset& dataset, const std::vector<PoseMethod>& methods) const {
@@ -169,6 +203,8 @@ class EvaluateCommand : public Command {
   std::string dataset_, root_, split_, out_;
   MethodRequest method_;
   std::optional<int> different_objects_;
+  std::optional<std::size_t> orientation_views_;
+  std::optional<std::string> sweep_;
   bool rotated_ = false;
   ObjectProtocolOptions protocol_;
   EvaluationOptions options_;

@@ -7,6 +7,7 @@
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/cli/usage_error.h"
+#include "antipode/gen6d/gen6d_weights.h"
 #include "antipode/matching/aliked_matcher.h"
 #include "antipode/matching/loftr_weights.h"
 #include "antipode/matching/xfeat_matcher.h"
@@ -80,6 +81,18 @@ ImportedModel ImportAlikedLightGlue(const std::string& file, const ImportOptions
           "(https://github.com/Shiaoming/ALIKED) and LightGlue (https://github.com/cvg/LightGlue) published."};
 }
 
+constexpr char kGen6dOrigin[] = "Checkpoint that the authors of Gen6D published (https://github.com/liuyuan-pal/Gen6D).";
+
+ImportedModel ImportGen6dSelector(const std::string& file, const ImportOptions&) {
+  return {LazyCopyOf(Gen6dSelectorWeights(ReadPytorchCheckpoint(file), file)),
+          "Gen6D's viewpoint selector, for --selector", "as the authors' (not part of this program)", kGen6dOrigin};
+}
+
+ImportedModel ImportGen6dRefiner(const std::string& file, const ImportOptions&) {
+  return {LazyCopyOf(Gen6dRefinerWeights(ReadPytorchCheckpoint(file), file)),
+          "Gen6D's pose refiner, for --refiner", "as the authors' (not part of this program)", kGen6dOrigin};
+}
+
 ImportedModel ImportZero123(const std::string& path, const ImportOptions& options) {
   Zero123ImportOptions zero123;
   zero123.dtype = DtypeFromName(options.precision.value_or("float16"));
@@ -96,6 +109,8 @@ const std::map<std::string, std::function<ImportedModel(const std::string& file,
       {kXFeatLighterGlueModel, ImportXFeatLighterGlue},
       {kLoftrModel, ImportLoftr},
       {kAlikedLightGlueModel, ImportAlikedLightGlue},
+      {kGen6dSelectorModel, ImportGen6dSelector},
+      {kGen6dRefinerModel, ImportGen6dRefiner},
       {"zero123", ImportZero123},
   };
   return kTable;

@@ -101,8 +101,13 @@ class PoseCommand : public Command {
     const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
     ThrowIfInterrupted();
     result.load_seconds = SecondsSinceProcessStart();
-    result.pose = RelativeToSource(reference, EstimateObjectPose(reference, *models.prior, matcher.get(), result.query.photograph,
-                                                                 {.hypotheses = method_.options.hypotheses, .matching = {}}));
+    ViewComparison comparison =
+        ViewComparison::Load(method_.comparison.selector, method_.comparison.refiner, SelectDevice(common_.device));
+    comparison.Prepare(reference);
+    const ObjectPoseModels pose_models{models.prior.get(), matcher.get(), method_.comparison.IsWanted() ? &comparison : nullptr};
+    result.pose = RelativeToSource(
+        reference, EstimateObjectPose(reference, pose_models, result.query.photograph,
+                                      {method_.options.hypotheses, method_.comparison.refine_iterations, method_.options.matching}));
     if (!reference.source_from_object)
       result.pose.warnings.emplace_back("the reference comes from a mesh: the pose is that of the mesh's frame in the query camera");
     result.pose.warnings.insert(result.pose.warnings.end(), reference.warnings.begin(), reference.warnings.end());

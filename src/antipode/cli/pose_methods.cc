@@ -9,6 +9,7 @@
 #include "antipode/nn/device.h"
 #include "antipode/pose/object_pose.h"
 #include "antipode/prior/object_prior.h"
+#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
@@ -55,7 +56,10 @@ PoseMethod AutoMethod(const MethodRequest& request) {
 class DiffusionRoute {
  public:
   DiffusionRoute(const MethodRequest& request, std::shared_ptr<const Matcher> matcher)
-      : request_(request), models_(ReferenceModels::Load(request.model, request.device)), matcher_(std::move(matcher)) {
+      : request_(request),
+        models_(ReferenceModels::Load(request.model, request.device)),
+        matcher_(std::move(matcher)),
+        comparison_(ViewComparison::Load(request.comparison.selector, request.comparison.refiner, SelectDevice(request.device))) {
     request_.synthesis.device = request.device;
     if (!HasOwnMeshes()) request_.synthesis.Check();
   }
@@ -81,12 +85,14 @@ class DiffusionRoute {
   void Keep(const std::string& key, const Build& build) {
     if (key == key_) return;
     reference_ = build();
+    comparison_.Prepare(reference_);
     key_ = key;
   }
 
-  ObjectPose Pose(const SceneView& view) const {
-    ObjectPoseOptions options{.hypotheses = request_.options.hypotheses, .matching = request_.options.matching};
-    return EstimateObjectPose(reference_, *models_.prior, matcher_.get(), view.photograph, options);
+  ObjectPose Pose(const SceneView& view) {
+    const ObjectPoseOptions options{request_.options.hypotheses, request_.comparison.refine_iterations, request_.options.matching};
+    ViewComparison* const comparison = request_.comparison.IsWanted() ? &comparison_ : nullptr;
+    return EstimateObjectPose(reference_, {models_.prior.get(), matcher_.get(), comparison}, view.photograph, options);
   }
 
   TwoViewPose WithReferenceView(TwoViewPose pose, const PairToEstimate& pair) const {
@@ -113,6 +119,7 @@ class DiffusionRoute {
   MethodRequest request_;
   ReferenceModels models_;
   std::shared_ptr<const Matcher> matcher_;
+  ViewComparison comparison_;
   Reference reference_;
   std::string key_;
 };
@@ -152,6 +159,7 @@ void MethodRequest::Declare(CLI::App& app) {
       ->capture_default_str()->type_name("NAME|FOLDER");
   app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
   synthesis.Declare(app, "For --method diffusion", "--reference-views");
+  comparison.Declare(app, "For --method diffusion");
 }
 
 PoseMethod LoadPoseMethod(const MethodRequest& request) {
@@ -176,6 +184,32 @@ std::vector<PoseMethod> LoadPoseMethods(const MethodRequest& request) {
     MethodRequest one = request;
     one.method = name;
     methods.push_back(LoadPoseMethod(one));
+  }
+  return methods;
+}
+
+std::vector<PoseMethod> LoadSweep(const MethodRequest& request, const std::string& what) {
+  std::vector<PoseMethod> methods;
+  const auto add = [&](const MethodRequest& one, const std::string& name) {
+    methods.push_back(DiffusionMethod(one));
+    methods.back().name = name;
+  };
+  if (what == "views") {
+    for (const int views : {8, 16, 32, 64, 128}) {
+      MethodRequest one = request;
+      one.synthesis.views = views;
+      add(one, Formatted("%d views", views));
+    }
+  } else if (what == "iterations") {
+    if (request.comparison.refiner.empty())
+      throw InvalidOption("--sweep iterations", "has no refiner to iterate", "give --refiner");
+    for (int iterations = 0; iterations <= 3; ++iterations) {
+      MethodRequest one = request;
+      one.comparison.refine_iterations = iterations;
+      add(one, Formatted("%d iterations", iterations));
+    }
+  } else {
+    throw InvalidOption("--sweep", Quoted(what) + " is unknown", "use views or iterations");
   }
   return methods;
 }

@@ -20,6 +20,7 @@ struct MethodRequest {
   std::string device = "auto";
   TwoViewPoseOptions options;
   SynthesisRequest synthesis;          ///< for "diffusion"
+  ViewComparisonRequest comparison;
   /// Folder of data set objects that are their own meshes: for "diffusion" with the synthesiser "mesh".
   std::filesystem::path object_meshes;
 
@@ -35,5 +36,9 @@ PoseMethod LoadPoseMethod(const MethodRequest& request);
 
 /// `request.method` may be a list, separated by commas.
 std::vector<PoseMethod> LoadPoseMethods(const MethodRequest& request);
+
+/// The route "diffusion" with 8 to 128 views ("views") or 0 to 3 refinement steps ("iterations").
+/// @throws InvalidOption if it is neither, or there is no refiner to iterate
+std::vector<PoseMethod> LoadSweep(const MethodRequest& request, const std::string& what);
 
 }  // namespace antipode

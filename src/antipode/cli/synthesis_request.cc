@@ -65,6 +65,15 @@ void SynthesisRequest::Check() const {
                 "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or give the object's --mesh");
 }
 
+void ViewComparisonRequest::Declare(CLI::App& app, const std::string& group) {
+  app.add_option("--selector", selector, "Choose the views with this model, such as gen6d-selector after its import, instead of with the prior")
+      ->type_name("NAME|FOLDER")->group(group);
+  app.add_option("--refiner", refiner, "Refine the poses with this model, such as gen6d-refiner after its import")
+      ->type_name("NAME|FOLDER")->group(group);
+  app.add_option("--refine-iterations", refine_iterations, "Steps of the refiner")->capture_default_str()->type_name("N")
+      ->group(group)->check(CLI::Range(0, 100));
+}
+
 ReferenceModels ReferenceModels::Load(const std::string& prior, const std::string& device) {
   ReferenceModels models;
   models.prior = std::make_shared<const ObjectPrior>(ObjectPrior::Load(prior, SelectDevice(device)));

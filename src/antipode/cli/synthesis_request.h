@@ -34,6 +34,16 @@ struct SynthesisRequest {
   bool IsMesh() const { return synthesizer == "mesh"; }
 };
 
+/// Which of Gen6D's networks look at the views.
+struct ViewComparisonRequest {
+  std::string selector, refiner;  ///< models; empty: without
+  int refine_iterations = 3;
+
+  /// Declares --selector, --refiner, --refine-iterations.
+  void Declare(CLI::App& app, const std::string& group);
+  bool IsWanted() const { return !selector.empty() || !refiner.empty(); }
+};
+
 /// The prior with what else references need.
 struct ReferenceModels {
   std::shared_ptr<const ObjectPrior> prior;

@@ -5,8 +5,10 @@
 #include "antipode/cli/progress_line.h"
 #include "antipode/report/formatted.h"
 #include "antipode/training/prior_trainer.h"
+#include "antipode/training/upright_trainer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
+#include "antipode/weights/registry.h"
 
 namespace antipode {
 namespace {
@@ -97,6 +99,43 @@ class TrainPriorCommand : public Command {
   CommonOptions common_;
 };
 
+class TrainUprightCommand : public Command {
+ public:
+  std::string Name() const override { return "upright"; }
+  std::string Summary() const override { return "Which way is up, from the codes of a trained prior"; }
+  std::string Example() const override {
+    return "  antipode train upright --objects meshes/train --model my_prior/prior --out my_upright";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", options_.objects, "Folder of .glb files that stand upright, +Y up")->required()->type_name("DIR");
+    app.add_option("--out", options_.out, "Folder for the model upright/")->required()->type_name("DIR");
+    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+    app.add_option("--model", prior_, "The prior: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")->capture_default_str()->type_name("N");
+    app.add_option("--steps", options_.steps, "Of the optimiser")->capture_default_str()->type_name("N");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    const ObjectPrior prior = ObjectPrior::Load(prior_);
+    ProgressLine line(common_.ProgressMode());
+    const UprightTrainingResult result = TrainUpright(options_, prior, FindModel(prior_).sha256, [&](const Progress& progress) {
+      ThrowIfInterrupted();
+      line.Show(progress);
+    });
+    common_.WriteJson({{"model", result.model.string()}, {"loss", result.loss}});
+    if (common_.PrintsText()) std::cout << Formatted("loss %.4f\n", result.loss) << "Model: " << result.model.string() << "\n";
+  }
+
+ private:
+  UprightTrainingOptions options_;
+  std::string prior_ = "prior";
+  CommonOptions common_;
+};
+
 class TrainCommand : public Command {
  public:
   std::string Name() const override { return "train"; }
@@ -109,6 +148,7 @@ class TrainCommand : public Command {
   std::vector<std::unique_ptr<Command>> Subcommands() const override {
     std::vector<std::unique_ptr<Command>> commands;
     commands.push_back(std::make_unique<TrainPriorCommand>());
+    commands.push_back(std::make_unique<TrainUprightCommand>());
     return commands;
   }
 };

@@ -7,8 +7,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "antipode/matching/network_input.h"
-#include "antipode/matching/parts.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
 #include "antipode/util/error.h"
 
 namespace antipode {

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "antipode/matching/correspondence_list.h"
-#include "antipode/matching/parts.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "antipode/matching/parts.h"
 #include "antipode/matching/test_images.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/util/error.h"
 #include "antipode/util/temporary_folder.h"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "antipode/matching/parts.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
 #include "antipode/util/error.h"
 
 namespace antipode {

@@ -4,8 +4,8 @@
 #include <string_view>
 
 #include "antipode/matching/loftr.h"
-#include "antipode/matching/parts.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
 

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "antipode/image/load.h"
-#include "antipode/matching/parts.h"
 #include "antipode/matching/test_images.h"
+#include "antipode/nn/parts.h"
 #include "antipode/util/error.h"
 
 namespace antipode {

@@ -77,11 +77,11 @@ class InPlaneScores {
 
 }  // namespace
 
-Orientation OrientationFromUp(const Eigen::Vector3d& up) {
+Orientation OrientationFromUp(const Eigen::Vector3d& up, double certainty) {
   const double length = up.norm();
   if (!(length > 0)) return {};
   return {DegreesFromRadians(std::asin(std::clamp(-up.z() / length, -1.0, 1.0))), DegreesFromRadians(std::atan2(up.x(), -up.y())),
-          std::min(1.0, length), "code"};
+          certainty, "code"};
 }
 
 Eigen::Vector3d UpFromOrientation(const Orientation& orientation) {
@@ -90,10 +90,12 @@ Eigen::Vector3d UpFromOrientation(const Orientation& orientation) {
 }
 
 UprightReadoutImpl::UprightReadoutImpl(std::int64_t code_size, std::int64_t hidden)
-    : hidden_(register_module("hidden", Dense(code_size, hidden))), up_(register_module("up", Dense(hidden, 3))) {}
+    : hidden_(register_module("hidden", Dense(code_size, hidden))), up_(register_module("up", Dense(hidden, 4))) {}
 
-torch::Tensor UprightReadoutImpl::forward(const torch::Tensor& codes) const {
-  return up_->forward(at::gelu(hidden_->forward(codes)));
+UprightReadoutImpl::Output UprightReadoutImpl::forward(const torch::Tensor& codes) const {
+  const auto output = up_->forward(at::gelu(hidden_->forward(codes)));
+  const auto direction = output.slice(1, 0, 3);
+  return {direction / direction.norm(2, 1, true).clamp_min(1e-6), output.select(1, 3)};
 }
 
 UprightEstimator UprightEstimator::Load(const std::string& model, const std::string& prior_sha256) {
@@ -110,8 +112,10 @@ UprightEstimator UprightEstimator::Load(const std::string& model, const std::str
 
 Orientation UprightEstimator::Estimate(const torch::Tensor& code) const {
   const torch::InferenceMode inference;
-  const auto up = readout_->forward(code.flatten().unsqueeze(0)).to(torch::kDouble)[0];
-  return OrientationFromUp({up[0].item<double>(), up[1].item<double>(), up[2].item<double>()});
+  const auto output = readout_->forward(code.flatten().unsqueeze(0));
+  const auto up = output.up.to(torch::kDouble)[0];
+  return OrientationFromUp({up[0].item<double>(), up[1].item<double>(), up[2].item<double>()},
+                           torch::sigmoid(output.log_odds).item<double>());
 }
 
 void OrientationSearchOptions::Check() const {

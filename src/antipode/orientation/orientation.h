@@ -20,20 +20,24 @@ namespace antipode {
 struct Orientation {
   double elevation_deg = 0;          ///< of the camera above the object's horizon
   double in_plane_rotation_deg = 0;  ///< positive: the photograph is turned clockwise
-  double certainty = 0;              ///< 0..1
+  double certainty = 0;              ///< 0..1; of the code: how often its up direction is within 15 degrees
   std::string source;                ///< "code" or "search"
 };
 
 /// From the object's up direction in camera axes, u = (sin g cos e, -cos g cos e, -sin e).
-Orientation OrientationFromUp(const Eigen::Vector3d& up_in_camera);
+Orientation OrientationFromUp(const Eigen::Vector3d& up_in_camera, double certainty = 1);
 Eigen::Vector3d UpFromOrientation(const Orientation& orientation);
 
-/// Reads the up direction from an object code: dense, GELU, dense. Its length tells how sure it is: trained for the
-/// least squared error, it is the mean of the directions that are possible.
+/// Reads the up direction from an object code: dense, GELU, dense.
 class UprightReadoutImpl : public torch::nn::Module {
  public:
-  explicit UprightReadoutImpl(std::int64_t code_size, std::int64_t hidden = 64);
-  torch::Tensor forward(const torch::Tensor& codes) const;  // [N, code_size] -> [N, 3]
+  UprightReadoutImpl(std::int64_t code_size, std::int64_t hidden);
+
+  struct Output {
+    torch::Tensor up;        ///< [N, 3], of length 1, camera axes
+    torch::Tensor log_odds;  ///< [N], that it is within 15 degrees of the truth
+  };
+  Output forward(const torch::Tensor& codes) const;  // [N, code_size]
 
  private:
   Dense hidden_, up_;

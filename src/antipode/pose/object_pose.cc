@@ -27,7 +27,7 @@ struct VerifiedMode {
   RotationMode mode;  ///< crop_from_object
   TwoViewGeometry geometry;
   Eigen::Matrix3d refined;  ///< the rotation of the matches, where they determine it
-  bool is_refined = false;
+  std::string source;
 
   double Worth() const {
     return std::max(mode.probability, kLeastProbability) * std::pow(1.0 + geometry.inliers, kInlierPower);
@@ -36,13 +36,13 @@ struct VerifiedMode {
 
 /// Matches the query with the view nearest to a mode, from the rotation that the mode says.
 VerifiedMode Verify(const RotationMode& mode, const Reference& reference, const Matcher& matcher, const ObjectView& crop,
-                    ViewMatchingOptions options) {
+                    const std::string& source, ViewMatchingOptions options) {
   const std::size_t view = NearestView(reference, mode.rotation);
   const Eigen::Matrix3d query_from_view = mode.rotation * reference.CropRotation(view).transpose();
   options.quarter_turns = {QuarterTurnsUndoing(query_from_view)};
   options.starts = {query_from_view};
   const MatchedViews matched = MatchObjectViews(matcher, reference.crops[view], crop, options);
-  VerifiedMode verified{mode, {}, mode.rotation};
+  VerifiedMode verified{mode, {}, mode.rotation, source};
   std::vector<TwoViewGeometry> explanations = matched.alternatives;
   explanations.push_back(matched.geometry);
   for (const TwoViewGeometry& geometry : explanations) {
@@ -50,8 +50,9 @@ VerifiedMode Verify(const RotationMode& mode, const Reference& reference, const 
     const Eigen::Matrix3d rotation = geometry.query_from_reference.rotation * reference.CropRotation(view);
     if (AngleBetweenDeg(rotation, mode.rotation) > kSameModeDeg) continue;
     verified.geometry = geometry;
-    verified.is_refined = geometry.inliers >= kInliersToRefine && geometry.RotationDeviationDeg() < kDeviationToRefineDeg;
-    verified.refined = verified.is_refined ? rotation : mode.rotation;
+    const bool is_refined = geometry.inliers >= kInliersToRefine && geometry.RotationDeviationDeg() < kDeviationToRefineDeg;
+    verified.refined = is_refined ? rotation : mode.rotation;
+    verified.source = is_refined ? "matching" : source;
   }
   return verified;
 }
@@ -70,18 +71,43 @@ double ConfidenceOf(double share, int inliers) {
   return 1 / (1 + std::exp(-log_odds));
 }
 
-void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, ObjectPose& result) {
+/// The selector's views, or the prior's modes.
+std::vector<VerifiedMode> CoarseModes(const Reference& reference, const ObjectPoseModels& models, const ObjectView& view,
+                                      const ObjectView& large, int count) {
+  std::vector<VerifiedMode> modes;
+  if (models.comparison != nullptr && models.comparison->Selects()) {
+    for (const auto& selection : models.comparison->Select(large, static_cast<std::size_t>(count)))
+      modes.push_back({{selection.crop_from_object.rotation, selection.probability, 0}, {}, selection.crop_from_object.rotation, "selector"});
+    return modes;
+  }
+  const torch::Tensor code = models.prior->Encode(std::span(&view, 1))[0];
+  for (const RotationMode& mode : models.prior->Compare(reference.code, code, {.max_modes = count}))
+    modes.push_back({mode, {}, mode.rotation, "prior"});
+  return modes;
+}
+
+void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, const ObjectPoseModels& models,
+                   const ObjectView& large, int iterations, ObjectPose& result) {
   std::ranges::stable_sort(modes, std::ranges::greater(), &VerifiedMode::Worth);
   double worth = 0, probability = 0;
+  std::vector<Rigid3> poses;
   for (const VerifiedMode& mode : modes) {
     worth += mode.Worth();
     probability += mode.mode.probability;
+    poses.push_back(PlaceObject(reference, result.view, mode.refined));
   }
-  for (const VerifiedMode& mode : modes)
-    result.hypotheses.push_back({CameraPose(result.view, PlaceObject(reference, result.view, mode.refined)),
-                                 std::min(1.0, probability) * mode.Worth() / worth, mode.is_refined ? "matching" : "prior"});
+  const bool refines = models.comparison != nullptr && models.comparison->Refines() && iterations > 0;
+  if (refines) {
+    const auto histories = models.comparison->Refine(large, poses, iterations);
+    for (std::size_t i = 0; i < poses.size(); ++i) poses[i] = histories[i].back();
+  }
   const int inliers = modes.front().geometry.inliers;
   result.confidence = ConfidenceOf(modes.front().Worth() / worth, inliers);
+  // Matches can make a mode sure that a flat posterior gave little.
+  const double that_one_is_right = std::max(std::min(1.0, probability), result.confidence);
+  for (std::size_t i = 0; i < modes.size(); ++i)
+    result.hypotheses.push_back({CameraPose(result.view, poses[i]), that_one_is_right * modes[i].Worth() / worth,
+                                 refines ? "refiner" : modes[i].source});
   result.evidence["inliers"] = inliers;
 }
 
@@ -89,6 +115,8 @@ void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, 
 
 void ObjectPoseOptions::Check() const {
   if (hypotheses < 1 || hypotheses > 50) throw InvalidOption("hypotheses", "is " + std::to_string(hypotheses), "use 1 to 50");
+  if (refine_iterations < 0 || refine_iterations > 100)
+    throw InvalidOption("refine_iterations", "is " + std::to_string(refine_iterations), "use 0 to 100");
   matching.Check();
 }
 
@@ -113,26 +141,26 @@ Rigid3 PlaceObject(const Reference& reference, const ObjectView& crop, const Eig
   return {crop_from_object, {beside.x(), beside.y(), distance}};
 }
 
-ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPrior& prior, const Matcher* matcher,
-                              const ObjectPhotograph& photograph, const ObjectPoseOptions& options) {
+ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPoseModels& models, const ObjectPhotograph& photograph,
+                              const ObjectPoseOptions& options) {
   options.Check();
   ObjectPose result;
   auto start = std::chrono::steady_clock::now();
-  result.view = MakeObjectView(photograph.image, photograph.mask, photograph.camera, prior.ViewOptions());
+  result.view = MakeObjectView(photograph.image, photograph.mask, photograph.camera, models.prior->ViewOptions());
+  const ObjectView large =
+      MakeObjectView(photograph.image, photograph.mask, photograph.camera, {.size = reference.crops.front().image.cols});
   result.warnings = result.view.warnings;
-  const torch::Tensor code = prior.Encode(std::span(&result.view, 1))[0];
-  std::vector<VerifiedMode> modes;
-  for (const RotationMode& mode : prior.Compare(reference.code, code, {.max_modes = options.hypotheses}))
-    modes.push_back({mode, {}, mode.rotation});
+  std::vector<VerifiedMode> modes = CoarseModes(reference, models, result.view, large, options.hypotheses);
   result.timings_s["compare"] = SecondsSince(start);
 
-  if (matcher != nullptr) {
+  if (models.matcher != nullptr) {
     start = std::chrono::steady_clock::now();
-    const ObjectView crop = MakeObjectView(photograph.image, photograph.mask, photograph.camera, {.size = reference.crops.front().image.cols});
-    for (VerifiedMode& mode : modes) mode = Verify(mode.mode, reference, *matcher, crop, options.matching);
+    for (VerifiedMode& mode : modes) mode = Verify(mode.mode, reference, *models.matcher, large, mode.source, options.matching);
     result.timings_s["match"] = SecondsSince(start);
   }
-  AddHypotheses(reference, std::move(modes), result);
+  start = std::chrono::steady_clock::now();
+  AddHypotheses(reference, std::move(modes), models, large, options.refine_iterations, result);
+  result.timings_s["refine"] = SecondsSince(start);
   return result;
 }
 

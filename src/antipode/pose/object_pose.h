@@ -7,13 +7,14 @@
 #include "antipode/matching/matcher.h"
 #include "antipode/pose/reference.h"
 #include "antipode/pose/two_view_pose.h"
+#include "antipode/pose/view_comparison.h"
 
 namespace antipode {
 
 struct ObjectPoseHypothesis {
   Rigid3 camera_from_object;
   double probability = 0;  ///< that the rotation is within 15 degrees of the truth
-  std::string source = "prior";  ///< "prior" or "matching"
+  std::string source = "prior";  ///< "prior", "selector", "matching" or "refiner": what its rotation comes from
 };
 
 /// Where a known object is in a photograph.
@@ -26,16 +27,24 @@ struct ObjectPose {
 };
 
 struct ObjectPoseOptions {
-  int hypotheses = 5;        ///< modes of the posterior, each verified by matching with the view nearest to it
+  int hypotheses = 5;        ///< modes of the posterior or selected views, each verified by matching with the view nearest to it
+  int refine_iterations = 3; ///< of the refiner, if there is one
   ViewMatchingOptions matching;
   void Check() const;
 };
 
-/// Pose of the object of a reference in a photograph: the posterior of the prior given all views, then its modes verified
-/// and refined by matches with the views near to them.
-/// @param matcher may be null: then the modes stay as they are
-ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPrior& prior, const Matcher* matcher,
-                              const ObjectPhotograph& photograph, const ObjectPoseOptions& options = {});
+/// What finds poses; all but the prior may be null.
+struct ObjectPoseModels {
+  const ObjectPrior* prior = nullptr;
+  const Matcher* matcher = nullptr;
+  ViewComparison* comparison = nullptr;  ///< prepared for the reference
+};
+
+/// Pose of the object of a reference in a photograph. Coarse: the modes of the prior's posterior given all views, or the
+/// views that the selector chooses. Then they are verified, and their rotations refined, by matches with the views near to
+/// them, and last by the refiner.
+ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPoseModels& models, const ObjectPhotograph& photograph,
+                              const ObjectPoseOptions& options = {});
 
 /// Both object poses composed: every hypothesis of the query with the best of the reference.
 TwoViewPose ComposeObjectPoses(ObjectPose reference, ObjectPose query);

@@ -1,4 +1,4 @@
-#include "antipode/matching/parts.h"
+#include "antipode/nn/parts.h"
 
 #include <gtest/gtest.h>
 
