@@ -6,6 +6,7 @@
 #include "antipode/report/formatted.h"
 #include "antipode/training/prior_trainer.h"
 #include "antipode/training/upright_trainer.h"
+#include "antipode/training/view_comparison_trainer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/weights/registry.h"
@@ -136,6 +137,66 @@ class TrainUprightCommand : public Command {
   CommonOptions common_;
 };
 
+/// The selector or the refiner.
+class TrainViewComparisonCommand : public Command {
+ public:
+  enum class Network { kSelector, kRefiner };
+  explicit TrainViewComparisonCommand(Network network) : network_(network) {}
+
+  std::string Name() const override { return network_ == Network::kSelector ? "selector" : "refiner"; }
+  std::string Summary() const override {
+    return network_ == Network::kSelector ? "Gen6D's viewpoint selector, on rendered objects" : "Gen6D's pose refiner, on rendered objects";
+  }
+  std::string Example() const override {
+    return "  antipode train " + Name() + " --objects meshes/train --out my_" + Name() + " --minutes 60\n" +
+           "  antipode pose front.jpg back.jpg --mesh object.glb --" + Name() + " my_" + Name() + "/" + Name();
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    app.add_option("--out", options_.out, "Folder for the model and log.csv")->required()->type_name("DIR");
+    app.add_option("--backbone", backbone_, "efficientnet-lite0: small, shares that of the prior; vgg11-bn: the published size")
+        ->capture_default_str()->type_name("NAME");
+    app.add_option("--backbone-model", options_.backbone_model, "Whose backbone it is: a prior, or an imported selector for vgg11-bn")
+        ->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--minutes", options_.minutes, "Time budget after rendering")->capture_default_str()->type_name("N");
+    app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
+    app.add_option("--batch", options_.batch, "Queries a step")->capture_default_str()->type_name("N");
+    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
+    app.add_option("--most-objects", options_.rendering.most_objects, "Use so many objects; 0: all")->capture_default_str()->type_name("N");
+    app.add_flag("--resume", options_.resume, "Go on from the weights in OUT");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    const ViewComparisonTrainingResult result = Train();
+    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+    if (!common_.PrintsText()) return;
+    std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last\n", static_cast<long long>(result.steps), result.first_loss,
+                           result.last_loss)
+              << "Model: " << result.model.string() << "\n";
+  }
+
+ private:
+  ViewComparisonTrainingResult Train() const {
+    ProgressLine line(common_.ProgressMode());
+    const auto report = [&](const Progress& progress) {
+      if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
+      line.Show(progress);
+    };
+    const bool is_small = BackboneKindOf(backbone_) == BackboneKind::kEfficientNetLite0;
+    if (network_ == Network::kSelector) return TrainSelector(options_, is_small ? BuiltInSelector() : SelectorConfig(), report);
+    return TrainRefiner(options_, is_small ? BuiltInRefiner() : RefinerConfig(), report);
+  }
+
+  Network network_;
+  std::string backbone_ = "efficientnet-lite0";
+  ViewComparisonTrainingOptions options_;
+  CommonOptions common_;
+};
+
 class TrainCommand : public Command {
  public:
   std::string Name() const override { return "train"; }
@@ -149,6 +210,8 @@ class TrainCommand : public Command {
     std::vector<std::unique_ptr<Command>> commands;
     commands.push_back(std::make_unique<TrainPriorCommand>());
     commands.push_back(std::make_unique<TrainUprightCommand>());
+    for (const auto network : {TrainViewComparisonCommand::Network::kSelector, TrainViewComparisonCommand::Network::kRefiner})
+      commands.push_back(std::make_unique<TrainViewComparisonCommand>(network));
     return commands;
   }
 };

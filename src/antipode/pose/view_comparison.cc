@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "antipode/gen6d/shared_backbone.h"
 #include "antipode/geometry/viewpoints.h"
 #include "antipode/image/mask.h"
-#include "antipode/nn/module_weights.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -34,7 +34,7 @@ std::optional<Network> LoadNetwork(const std::string& name, torch::Device device
   if (name.empty()) return std::nullopt;
   const TensorFile file = LoadModel(name);
   Network network(Config::FromMetadata(file.metadata, name));
-  LoadInto(*network, file, name);
+  LoadWithBackbone(*network, file, name);
   network->to(device);
   network->eval();
   return network;

@@ -1,0 +1,78 @@
+#include "antipode/training/posed_objects.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "antipode/geometry/look_at.h"
+#include "antipode/geometry/viewpoints.h"
+#include "antipode/render/renderer.h"
+#include "antipode/synthesis/mesh_synthesizer.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/seeds.h"
+
+namespace antipode {
+namespace {
+
+PosedPicture ToPosedPicture(const cv::Mat& rgb, const PinholeCamera& camera, const Rigid3& camera_from_object) {
+  Eigen::Matrix3d intrinsics = camera.Intrinsics();
+  intrinsics.topRightCorner<2, 1>().array() -= 0.5;
+  return {rgb, intrinsics, {camera_from_object.rotation * CanonicalFromObjectRotation().transpose(), camera_from_object.translation}};
+}
+
+PosedPicture RandomQuery(const Renderer& renderer, const PosedObjectOptions& options, std::mt19937_64& random) {
+  const auto uniform = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
+  const double field_of_view = uniform(20, 55);
+  // The enclosing sphere fills half to nearly all of the picture.
+  const double distance = 1 / std::sin(0.5 * field_of_view * std::numbers::pi / 180 * uniform(0.55, 0.95));
+  const Viewpoint viewpoint{.azimuth = uniform(0, 360), .elevation = uniform(-40, 80),
+                            .in_plane_rotation = uniform(-options.greatest_roll_deg, options.greatest_roll_deg), .distance = distance};
+  RenderOptions render;
+  render.ambient = static_cast<float>(uniform(0.3, 0.8));
+  render.light_in_camera = Eigen::Vector3f(static_cast<float>(uniform(-1, 1)), static_cast<float>(uniform(-1, 0.3)), -0.8f);
+  const PinholeCamera camera = PinholeCamera::FromFieldOfView(options.image_size, options.image_size, field_of_view);
+  const Rigid3 pose = CameraFromObject(viewpoint);
+  return ToPosedPicture(renderer.Render(camera, pose, render).image, camera, pose);
+}
+
+PosedObject RenderPosedObject(const std::filesystem::path& file, const PosedObjectOptions& options, std::mt19937_64& random) {
+  PosedObject object;
+  Mesh mesh = LoadMesh(file);
+  MeshSynthesisOptions synthesis;
+  synthesis.size = options.image_size;
+  MeshSynthesizer(mesh, synthesis).Synthesize(RequestViewsAllAround(options.views, 0), [&](const SynthesizedView& view) {
+    object.views.push_back(ToPosedPicture(view.image, view.camera, view.camera_from_object));
+  });
+  mesh.Normalize();
+  const Renderer renderer(std::move(mesh));
+  for (int i = 0; i < options.queries; ++i) object.queries.push_back(RandomQuery(renderer, options, random));
+  return object;
+}
+
+}  // namespace
+
+void PosedObjectOptions::Check() const {
+  if (views < 8 || views > 256) throw InvalidOption("views", "is " + std::to_string(views), "use 8 to 256");
+  if (queries < 1) throw InvalidOption("queries", "must be at least 1");
+  if (image_size < 64 || image_size > 1024) throw InvalidOption("image_size", "is " + std::to_string(image_size), "use 64 to 1024");
+  if (!(greatest_roll_deg >= 0 && greatest_roll_deg <= 90)) throw InvalidOption("greatest_roll", "must be 0 to 90 degrees");
+}
+
+std::vector<PosedObject> RenderPosedObjects(const std::filesystem::path& folder, const PosedObjectOptions& options,
+                                            const ProgressCallback& progress) {
+  options.Check();
+  std::vector<std::filesystem::path> files = FilesWithExtension(folder, ".glb");
+  if (files.empty()) throw BadFile(folder.string(), "holds no .glb files");
+  std::mt19937_64 random(options.seed);
+  std::ranges::shuffle(files, random);
+  if (options.most_objects > 0) files.resize(std::min(files.size(), static_cast<std::size_t>(options.most_objects)));
+  std::vector<PosedObject> objects;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (progress) progress({"rendering objects", static_cast<std::int64_t>(i), static_cast<std::int64_t>(files.size()), {}});
+    std::mt19937_64 own(CombineSeeds(options.seed, i));
+    objects.push_back(RenderPosedObject(files[i], options, own));
+  }
+  return objects;
+}
+
+}  // namespace antipode

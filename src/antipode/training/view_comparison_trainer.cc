@@ -1,0 +1,287 @@
+#include "antipode/training/view_comparison_trainer.h"
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <numbers>
+#include <numeric>
+
+#include "antipode/gen6d/losses.h"
+#include "antipode/gen6d/shared_backbone.h"
+#include "antipode/geometry/rotation.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/util/error.h"
+#include "antipode/util/interrupt.h"
+#include "antipode/util/seeds.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+using torch::Tensor;
+namespace fs = std::filesystem;
+
+double Uniform(std::mt19937_64& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+std::size_t Index(std::mt19937_64& random, std::size_t count) {
+  return std::uniform_int_distribution<std::size_t>(0, count - 1)(random);
+}
+
+Tensor ToTensor(const Eigen::MatrixXd& matrix) {
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
+  return torch::from_blob(const_cast<double*>(rows.data()), {rows.rows(), rows.cols()}, torch::kDouble).to(torch::kFloat).clone();
+}
+
+/// Where the object is in a query, with the errors that masks make.
+QueryCrop JitteredCrop(const PosedPicture& query, std::mt19937_64& random) {
+  const NormalizedView normalized = NormalizeUnrotated(query.intrinsics, query.camera_from_object);
+  const auto difference = InPlaneDifferenceOf(normalized.intrinsics, normalized.camera_from_object, query.intrinsics, query.camera_from_object);
+  const double scale = difference.scale * std::exp2(Uniform(random, -0.25, 0.15));
+  const Eigen::Vector2d centre = (query.intrinsics * query.camera_from_object.translation).hnormalized();
+  return {centre + scale * Eigen::Vector2d(Uniform(random, -6, 6), Uniform(random, -6, 6)), scale};
+}
+
+class SelectorStep {
+ public:
+  SelectorStep(Selector selector, int views) : selector_(std::move(selector)), views_(static_cast<std::size_t>(views)) {}
+
+  Tensor Loss(const PosedObject& object, int queries, std::mt19937_64& random) {
+    std::vector<std::size_t> order(object.views.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::shuffle(order, random);
+    order.resize(std::min(order.size(), views_));
+    std::vector<PosedPicture> references;
+    for (const std::size_t i : order) references.push_back(object.views[i]);
+    const SelectorReferences prepared = PrepareReferences(selector_, references);
+    SelectorFeatures features;  // inference tensors take no part in training
+    for (const Tensor& level : prepared.features) features.push_back(level.clone());
+
+    std::vector<cv::Mat> crops;
+    std::vector<Tensor> scores;
+    std::vector<float> angles;
+    std::vector<std::int64_t> nearest;
+    for (int i = 0; i < queries; ++i) {
+      const PosedPicture& query = object.queries[Index(random, object.queries.size())];
+      crops.push_back(CropQuery(query.rgb, JitteredCrop(query, random), {}));
+      AddTargets(prepared.views, query, scores, angles, nearest);
+    }
+    const SelectorOutput output = selector_->forward(selector_->Features(ToImages(crops)), features, prepared.viewpoints.clone());
+    return (ViewSelectionLoss(output.logits, torch::stack(scores)) +
+            InPlaneAngleLoss(output.angles, torch::tensor(angles), torch::tensor(nearest, torch::kLong)))
+        .mean();
+  }
+
+ private:
+  static void AddTargets(const std::vector<NormalizedView>& views, const PosedPicture& query, std::vector<Tensor>& scores,
+                         std::vector<float>& angles, std::vector<std::int64_t>& nearest) {
+    std::vector<float> cosines;
+    const Eigen::Vector3d direction = query.camera_from_object.OriginInSource().normalized();
+    for (const NormalizedView& view : views)
+      cosines.push_back(static_cast<float>(direction.dot(view.camera_from_object.OriginInSource().normalized())));
+    const auto best = std::ranges::max_element(cosines) - cosines.begin();
+    const NormalizedView& view = views[best];
+    angles.push_back(static_cast<float>(
+        InPlaneDifferenceOf(view.intrinsics, view.camera_from_object, query.intrinsics, query.camera_from_object).angle));
+    scores.push_back(torch::tensor(cosines));
+    nearest.push_back(best);
+  }
+
+  Selector selector_;
+  std::size_t views_;
+};
+
+class RefinerStep {
+ public:
+  explicit RefinerStep(Refiner refiner) : refiner_(std::move(refiner)) {}
+
+  Tensor Loss(const PosedObject& object, int queries, std::mt19937_64& random) {
+    std::vector<Tensor> query_features, reference_features, points, centres, targets;
+    std::vector<PosedCamera> inputs;
+    std::vector<std::vector<PosedCamera>> cameras;
+    for (int i = 0; i < queries; ++i) {
+      const PosedPicture& query = object.queries[Index(random, object.queries.size())];
+      const RefinementInput input = PrepareRefinement(object.views, {query.rgb, query.intrinsics}, StartingPose(object, query, random));
+      query_features.push_back(refiner_->Features(ToImages({input.query_picture}))[0]);
+      reference_features.push_back(refiner_->Features(ToImages(input.reference_pictures)));
+      inputs.push_back({input.query.intrinsics, input.query.camera_from_object});
+      cameras.emplace_back();
+      for (const NormalizedView& view : input.references) cameras.back().push_back({view.intrinsics, view.camera_from_object});
+      const Rigid3 truth = Rigid3{input.query.normalized_from_camera, Eigen::Vector3d::Zero()} * query.camera_from_object;
+      const PoseChange change = ChangeBetween(input.query.intrinsics, input.query.camera_from_object, input.query.intrinsics, truth);
+      const Rigid3& pose = input.query.camera_from_object;
+      targets.push_back(ToTensor(SimilarityOf(change, pose)));
+      centres.push_back(ToTensor(pose.translation.transpose())[0]);
+      points.push_back(torch::matmul(VolumePoints(pose, kLossGrid), ToTensor(pose.rotation).t()) + ToTensor(pose.translation.transpose()));
+    }
+    const RefinerOutput output = refiner_->forward(torch::stack(query_features), inputs, torch::stack(reference_features), cameras);
+    return PoseChangeLoss(output, torch::stack(points), torch::stack(centres), torch::stack(targets)).mean();
+  }
+
+ private:
+  static constexpr std::int64_t kLossGrid = 8;
+
+  /// What a view near to the query would give as a coarse pose: its direction, with errors of angle, place and size.
+  static Rigid3 StartingPose(const PosedObject& object, const PosedPicture& query, std::mt19937_64& random) {
+    std::vector<Rigid3> poses;
+    for (const PosedPicture& view : object.views) poses.push_back(view.camera_from_object);
+    const auto nearest = NearestViews(poses, query.camera_from_object, 6);
+    const PosedPicture& view = object.views[nearest[Index(random, nearest.size())]];
+    const NormalizedView upright = NormalizeUpright(view.intrinsics, view.camera_from_object);
+    const auto difference = InPlaneDifferenceOf(upright.intrinsics, upright.camera_from_object, query.intrinsics, query.camera_from_object);
+    QueryCrop crop{(query.intrinsics * query.camera_from_object.translation).hnormalized(), difference.scale};
+    crop.position += crop.scale * Eigen::Vector2d(Uniform(random, -6, 6), Uniform(random, -6, 6));
+    crop.scale *= std::exp2(Uniform(random, -0.2, 0.2));
+    const double angle = difference.angle + RadiansFromDegrees(Uniform(random, -15, 15));
+    return PoseFromSelectedView(crop, angle, upright.camera_from_object, upright.intrinsics, query.intrinsics);
+  }
+
+  Refiner refiner_;
+};
+
+/// The loop that both share.
+template <typename Network, typename Step>
+class Training {
+ public:
+  Training(const ViewComparisonTrainingOptions& options, Network network, std::string name, const ProgressCallback& progress)
+      : options_(options), network_(std::move(network)), name_(std::move(name)), progress_(progress) {
+    InitializeRest();
+    if (options_.resume) Resume();
+  }
+
+  ViewComparisonTrainingResult Run(Step step) {
+    const std::vector<PosedObject> objects = RenderPosedObjects(options_.objects, options_.rendering, progress_);
+    fs::create_directories(options_.out);
+    std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
+    if (!options_.resume) log << "step,minutes,loss\n";
+    torch::optim::AdamW optimizer(Trained(), torch::optim::AdamWOptions(options_.learning_rate).weight_decay(options_.weight_decay));
+    start_ = std::chrono::steady_clock::now();
+    ViewComparisonTrainingResult result;
+    for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
+      std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(first_step_ + result.steps)));
+      const double rate = options_.learning_rate * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction(result.steps))));
+      static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(rate);
+      optimizer.zero_grad();
+      const Tensor loss = step.Loss(objects[Index(random, objects.size())], options_.batch, random);
+      Account(loss.template item<double>(), result);
+      loss.backward();
+      torch::nn::utils::clip_grad_norm_(Trained(), options_.gradient_clip);
+      optimizer.step();
+      if (result.steps % 20 == 0) log << first_step_ + result.steps << ',' << Minutes() << ',' << result.last_loss << std::endl;
+    }
+    result.model = Save(result);
+    return result;
+  }
+
+ private:
+  double Minutes() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count() / 60; }
+  double Fraction(std::int64_t steps) const {
+    if (options_.iterations > 0) return static_cast<double>(steps) / options_.iterations;
+    return Minutes() / options_.minutes;
+  }
+
+  /// Everything but the backbone, which takes no gradients.
+  std::vector<Tensor> Trained() {
+    std::vector<Tensor> parameters;
+    for (const auto& item : network_->named_parameters())
+      if (!IsBackbone(item.key())) parameters.push_back(item.value());
+    return parameters;
+  }
+
+  /// Some layers are made without values.
+  void InitializeRest() {
+    const torch::NoGradGuard no_gradient;
+    torch::manual_seed(options_.seed);
+    for (auto& item : network_->named_parameters()) {
+      if (IsBackbone(item.key())) {
+        item.value().set_requires_grad(false);
+      } else if (item.value().dim() >= 2) {
+        const double bound = std::sqrt(3.0 / (item.value().numel() / item.value().size(0)));
+        item.value().uniform_(-bound, bound);
+      } else {
+        item.value().fill_(item.key().ends_with("norm.weight") ? 1 : 0);
+      }
+    }
+    // A refiner that changes nothing is the best that can be said at first.
+    for (auto& item : network_->named_parameters()) {
+      if (!item.key().starts_with("regressor.fc") || item.key().starts_with("regressor.fc.")) continue;
+      item.value().mul_(0.05);
+      if (item.key() == "regressor.fcr.bias") item.value()[0] = 1;
+    }
+    UseSharedBackbone(*network_, options_.backbone_model);
+  }
+
+  void Resume() {
+    const fs::path folder = options_.out / name_;
+    const TensorFile file = LoadModel(folder.string());
+    LoadBesideBackbone(*network_, file, folder.string());
+    first_step_ = std::stoll(file.metadata.at("steps"));
+  }
+
+  void Account(double loss, ViewComparisonTrainingResult& result) const {
+    if (!std::isfinite(loss)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
+    constexpr double kShown = 20;
+    if (result.steps < kShown) result.first_loss += (loss - result.first_loss) / static_cast<double>(result.steps + 1);
+    const double weight = 1 / std::min(kShown, static_cast<double>(result.steps + 1));
+    result.last_loss += weight * (loss - result.last_loss);
+    if (progress_)
+      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(result.steps)), 1000, "loss " + std::to_string(result.last_loss)});
+  }
+
+  fs::path Save(const ViewComparisonTrainingResult& result) {
+    TensorFile file = WithoutBackbone(WeightsOf(*network_));
+    for (auto& [name, tensor] : file.tensors) tensor = ConvertTo(tensor, Dtype::kF16);
+    file.metadata = network_->config().ToMetadata();
+    file.metadata["backbone_model"] = options_.backbone_model;
+    file.metadata["backbone_sha256"] = SharedBackboneHash(options_.backbone_model);
+    file.metadata["steps"] = std::to_string(first_step_ + result.steps);
+    SaveModel(options_.out, name_, file, "Gen6D's " + name_ + ", trained on rendered objects", "Apache-2.0",
+              "# " + name_ + "\n\nTrained by `antipode train " + name_ + "`: " + std::to_string(first_step_ + result.steps) + " steps, seed " +
+                  std::to_string(options_.seed) + ", loss " + std::to_string(result.last_loss) + ".\n");
+    return options_.out / name_;
+  }
+
+  const ViewComparisonTrainingOptions& options_;
+  Network network_;
+  std::string name_;
+  const ProgressCallback& progress_;
+  std::int64_t first_step_ = 0;
+  std::chrono::steady_clock::time_point start_;
+};
+
+}  // namespace
+
+void ViewComparisonTrainingOptions::Check() const {
+  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
+  if (batch < 1) throw InvalidOption("batch", "must be at least 1");
+  if (views < 8) throw InvalidOption("views", "is " + std::to_string(views), "use at least 8");
+  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
+  rendering.Check();
+}
+
+SelectorConfig BuiltInSelector() {
+  return {.backbone = BackboneKind::kEfficientNetLite0, .correlation_width = 24, .width = 128, .heads = 8};
+}
+
+RefinerConfig BuiltInRefiner() {
+  return {.backbone = BackboneKind::kEfficientNetLite0, .finest_stride = 8, .feature_width = 24, .volume_width = 16, .grid = 16,
+          .regressor_width = 128};
+}
+
+ViewComparisonTrainingResult TrainSelector(const ViewComparisonTrainingOptions& options, const SelectorConfig& config,
+                                           const ProgressCallback& progress) {
+  options.Check();
+  const Selector selector(config);
+  return Training<Selector, SelectorStep>(options, selector, "selector", progress).Run(SelectorStep(selector, options.views));
+}
+
+ViewComparisonTrainingResult TrainRefiner(const ViewComparisonTrainingOptions& options, const RefinerConfig& config,
+                                          const ProgressCallback& progress) {
+  options.Check();
+  const Refiner refiner(config);
+  return Training<Refiner, RefinerStep>(options, refiner, "refiner", progress).Run(RefinerStep(refiner));
+}
+
+}  // namespace antipode
