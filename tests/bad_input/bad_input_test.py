@@ -6,8 +6,10 @@ usage: bad_input_test.py PROGRAM MODEL_FOLDER IMAGE_DATA_FOLDER
 """
 import copy
 import json
+import math
 import os
 import pathlib
+import shutil
 import struct
 import sys
 import tempfile
@@ -242,6 +244,83 @@ def add_weights(corpus):
     corpus.checks.append(("weights by ANTIPODE_MODELS", by_environment))
 
 
+# A sphere of a few rings: it looks alike from every side.
+def sphere_mesh(rings=12):
+    columns = 2 * rings
+    lines = []
+    for i in range(rings + 1):
+        for j in range(columns):
+            polar, azimuth = math.pi * i / rings, 2 * math.pi * j / columns
+            lines.append(f"v {math.sin(polar) * math.cos(azimuth)} {math.cos(polar)} {math.sin(polar) * math.sin(azimuth)}")
+    for i in range(rings):
+        for j in range(columns):
+            a, b = i * columns + j + 1, i * columns + (j + 1) % columns + 1
+            lines += [f"f {a} {b} {b + columns}", f"f {a} {b + columns} {a + columns}"]
+    return "\n".join(lines) + "\n"
+
+
+def add_references(corpus):
+    mesh = corpus.file("sphere.obj", sphere_mesh())
+    whole = corpus.folder / "reference"
+    build = ("reference", "build", "--model", corpus.program.model, "--threads", 1)
+
+    def run(*arguments):
+        return corpus.program.run(*build, *arguments)
+
+    def refused(name, code, mentions, *arguments):
+        def check():
+            done = run(*arguments)
+            expect(done.returncode == code and done.stderr.count("\n") == 1, f"{done.returncode}: {done.stderr}")
+            for text in mentions:
+                expect(text in done.stderr, f"does not mention {text}: {done.stderr}")
+        corpus.checks.append((name, check))
+
+    refused("reference of nothing", 2, ["IMAGE", "--mesh"], "--out", corpus.folder / "r1")
+    refused("reference of no mesh", 1, ["good.png"], "--mesh", corpus.good, "--out", corpus.folder / "r2")
+    refused("reference of a missing mesh", 1, ["no.glb"], "--mesh", "no.glb", "--out", corpus.folder / "r3")
+    refused("reference with four views", 2, ["--views"], "--mesh", mesh, "--views", "4", "--out", corpus.folder / "r4")
+    refused("reference from elevation 95", 2, ["--elevation"], corpus.good, "--elevation", "95", "--out", corpus.folder / "r5")
+    refused("reference without a diffusion model", 1, ["zero123", "models import"], corpus.good, "--out", corpus.folder / "r6")
+
+    def built():
+        if not (whole / "reference.json").is_file():
+            done = run("--mesh", mesh, "--views", "16", "--out", whole)
+            expect(done.returncode == 0, done.stderr)
+        return whole
+
+    def sphere():
+        done = corpus.program.run("pose", built(), corpus.good, "--model", corpus.program.model, "--json", "-")
+        expect(done.returncode == 0, done.stderr)
+        result = json.loads(done.stdout)
+        expect(result["confidence"] < 0.5, result["confidence"])
+        expect(any("alike from many sides" in warning for warning in result["warnings"]), result["warnings"])
+    corpus.checks.append(("reference of a sphere", sphere))
+
+    def damaged(name, damage, mentions):
+        def check():
+            folder = corpus.folder / ("damaged_" + name.replace(" ", "_"))
+            shutil.copytree(built(), folder)
+            damage(folder)
+            done = corpus.program.run("pose", folder, corpus.good, "--model", corpus.program.model)
+            expect(done.returncode == 1 and done.stderr.count("\n") == 1, f"{done.returncode}: {done.stderr}")
+            for text in (*mentions, "reference build"):
+                expect(text in done.stderr, f"does not mention {text}: {done.stderr}")
+        corpus.checks.append(("reference " + name, check))
+
+    def change(file, **fields):
+        def damage(folder):
+            path = folder / file
+            content = json.loads(path.read_text())
+            path.write_text(json.dumps({**content, **fields}))
+        return damage
+
+    damaged("features cut", lambda folder: (folder / "features.safetensors").write_bytes(b"x"), ["features.safetensors"])
+    damaged("views changed", change("views.json", views=[]), ["views.json"])
+    damaged("of another version", change("reference.json", format=7), ["another version"])
+    damaged("of other weights", change("reference.json", prior_sha256="0"), ["other weights"])
+    damaged("no json", lambda folder: (folder / "reference.json").write_text("{"), ["reference.json", "damaged"])
+
+
 def add_usage(corpus):
     corpus.fails("no hypotheses", "--hypotheses", "0", mentions=["hypotheses", "1 to 50"], code=2)
     corpus.fails("hypotheses no number", "--hypotheses", "many", mentions=["--hypotheses"], code=2)
@@ -278,7 +357,7 @@ def main(arguments):
     require_files(program)
     with tempfile.TemporaryDirectory(prefix="antipode-bad-input-") as folder:
         corpus = Corpus(program, pathlib.Path(folder), pathlib.Path(arguments[2]))
-        for add in (add_pictures, add_masks, add_cameras, add_hard_pairs, add_depths, add_weights, add_usage):
+        for add in (add_pictures, add_masks, add_cameras, add_hard_pairs, add_depths, add_weights, add_references, add_usage):
             add(corpus)
         return run_checks(corpus.checks)
 

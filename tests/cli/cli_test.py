@@ -15,7 +15,8 @@ import time
 
 from program import Program, expect, mask, photo, require_files, run_checks
 
-COMMANDS = ("pose", "match", "render", "evaluate", "train prior", "models list", "models verify", "models import", "doctor")
+COMMANDS = ("pose", "match", "reference build", "reference info", "orient", "synthesize", "render", "evaluate", "train prior",
+            "train upright", "train selector", "train refiner", "models list", "models verify", "models import", "doctor")
 KEYS = {
     "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "evidence",
          "reference", "query", "timings_s", "warnings"),
@@ -171,6 +172,43 @@ class Contract:
         expect(not self.succeed(*run), "quiet = true was not read")
         expect(len(json.loads(out.read_text())["hypotheses"]) == 1, "hypotheses = 1 was not read")
         expect(self.program.run(*run, "--hypotheses", "0").returncode == 2, "the command line does not win")
+
+    def rendered(self, name, azimuth, elevation):
+        """One rendering of the mesh, with its camera."""
+        out = self.folder / name
+        self.succeed("render", self.folder / "mesh.obj", "--out", out, f"--azimuths={azimuth}", f"--elevations={elevation}",
+                     "--size", 200, "--fov", 40)
+        return out / json.loads((out / "cameras.json").read_text())["images"][0]["file"]
+
+    def check_reference(self):
+        folder = self.folder / "reference"
+        build = ("reference", "build", "--mesh", self.folder / "mesh.obj", "--out", folder, "--views", 24, "--model", self.program.model)
+        expect("24 views" in self.succeed(*build), "no text")
+        info = json.loads(self.succeed("reference", "info", folder, "--json", "-"))
+        expect(info["views"] == 24 and info["source"] == "mesh", info)
+        for name in ("views.json", "features.safetensors", "contact_sheet.png", "transforms.json"):
+            expect((folder / name).is_file(), name)
+        expect("24 views" in self.succeed(*build), "a second build does not go on")
+        query = self.rendered("query", 40, 20)
+        result = json.loads(self.succeed("pose", folder, query, "--model", self.program.model, "--query-camera", "fov=40", "--json", "-"))
+        expect(result["method"] == "diffusion" and result["reference"]["path"] == str(folder), result["reference"])
+        expect(any("mesh's frame" in warning for warning in result["warnings"]), result["warnings"])
+        done = self.program.run("pose", folder, query, "--model", self.program.model, "--visualize", self.folder / "x.png")
+        expect(done.returncode == 2 and "two photographs" in done.stderr, done.stderr)
+
+    def check_pose_with_mesh(self):
+        first, second = self.rendered("first", 0, 20), self.rendered("second", 60, 20)
+        result = json.loads(self.succeed("pose", first, second, "--mesh", self.folder / "mesh.obj", "--reference-views", 32, "--model",
+                                         self.program.model, "--reference-camera", "fov=40", "--query-camera", "fov=40", "--json", "-"))
+        expect(result["method"] == "diffusion", result["method"])
+        expect({hypothesis["source"] for hypothesis in result["hypotheses"]} <= {"prior", "matching"}, result["hypotheses"])
+        expect(0 <= result["confidence"] <= 1, result["confidence"])
+
+    def check_orient(self):
+        result = json.loads(self.succeed("orient", self.a, "--image-camera", "fov=40", "--model", self.program.model, "--json", "-"))
+        expect(-90 <= result["elevation_deg"] <= 90 and 0 <= result["certainty"] <= 1, result)
+        expect(result["source"] == "code", result)
+        expect("elevation" in self.succeed("orient", self.a, "--model", self.program.model), "no text")
 
     def check_render(self):
         out = self.folder / "views"

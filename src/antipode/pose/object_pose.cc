@@ -14,6 +14,7 @@ namespace {
 constexpr double kSameModeDeg = 30;
 constexpr double kInlierPower = 0.5;           // a mode is worth its probability times (1 + inliers) to this power
 constexpr double kLeastProbability = 1e-4;     // of a mode, so that matches can speak for any
+constexpr double kFlatPosterior = 0.3;         // mass of all modes together
 constexpr int kInliersToRefine = 50;
 constexpr double kDeviationToRefineDeg = 1;
 
@@ -103,6 +104,8 @@ void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, 
   }
   const int inliers = modes.front().geometry.inliers;
   result.confidence = ConfidenceOf(modes.front().Worth() / worth, inliers);
+  if (std::min(1.0, probability) < kFlatPosterior && inliers < kInliersToRefine)
+    result.warnings.emplace_back("the object looks alike from many sides, or is another one than the reference: the rotation is uncertain");
   // Matches can make a mode sure that a flat posterior gave little.
   const double that_one_is_right = std::max(std::min(1.0, probability), result.confidence);
   for (std::size_t i = 0; i < modes.size(); ++i)
