@@ -7,7 +7,7 @@
 #include "antipode/report/formatted.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/synthesis/reference_picture.h"
-#include "antipode/synthesis/zero123_synthesizer.h"
+#include "antipode/synthesis/small_synthesizer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
 #include "antipode/weights/registry.h"
@@ -104,7 +104,7 @@ std::unique_ptr<ViewSynthesizer> SynthesizerOf(const SynthesisRequest& request, 
   if (!request.mesh.empty())
     throw InvalidOption("--search", "has nothing to search with a mesh", "'antipode pose --mesh' finds the whole pose");
   const ReferencePicture picture = MakeReferencePicture(photograph.image, photograph.mask, photograph.camera, turn_deg);
-  return std::make_unique<Zero123Synthesizer>(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  return MakeDiffusionSynthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
 }
 
 Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
@@ -122,8 +122,8 @@ Reference BuildReference(const SynthesisRequest& request, const ReferenceModels&
   const double elevation = oriented.orientation.elevation_deg;
   const ReferencePicture picture =
       MakeReferencePicture(photograph->image, photograph->mask, photograph->camera, oriented.orientation.in_plane_rotation_deg);
-  const Zero123Synthesizer synthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
-  Reference reference = BuildReference(synthesizer, RequestViewsAllAround(request.views, elevation), *models.prior, models.identity,
+  const auto synthesizer = MakeDiffusionSynthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  Reference reference = BuildReference(*synthesizer, RequestViewsAllAround(request.views, elevation), *models.prior, models.identity,
                                        picture.CameraFromObject(elevation), folder, progress);
   reference.warnings.insert(reference.warnings.end(), oriented.warnings.begin(), oriented.warnings.end());
   return reference;

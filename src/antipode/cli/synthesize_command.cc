@@ -8,8 +8,8 @@
 #include "antipode/cli/progress_line.h"
 #include "antipode/nn/device.h"
 #include "antipode/synthesis/reference_picture.h"
+#include "antipode/synthesis/small_synthesizer.h"
 #include "antipode/synthesis/view_folder.h"
-#include "antipode/synthesis/zero123_synthesizer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
@@ -85,9 +85,9 @@ class SynthesizeCommand : public Command {
     RequireModel();
     const PhotographInput input = LoadPhotograph(picture_, "image");
     const ReferencePicture picture = MakeReferencePicture(input.photograph.image, input.photograph.mask, input.photograph.camera);
-    const Zero123Synthesizer synthesizer(model_, picture.picture, options, SelectDevice(common_.device));
-    ViewFolder folder(out_, synthesizer.Fingerprint());
-    const std::vector<SynthesizedView> views = Synthesize(requests, synthesizer, folder);
+    const auto synthesizer = MakeDiffusionSynthesizer(model_, picture.picture, options, SelectDevice(common_.device));
+    ViewFolder folder(out_, synthesizer->Fingerprint());
+    const std::vector<SynthesizedView> views = Synthesize(requests, *synthesizer, folder);
     folder.WriteOverviews(views);
     Report(views.size(), input);
   }
@@ -106,7 +106,7 @@ class SynthesizeCommand : public Command {
       throw Error("model 'zero123'", "is not installed", "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt");
   }
 
-  std::vector<SynthesizedView> Synthesize(const std::vector<ViewRequest>& requests, const Zero123Synthesizer& synthesizer,
+  std::vector<SynthesizedView> Synthesize(const std::vector<ViewRequest>& requests, const ViewSynthesizer& synthesizer,
                                           ViewFolder& folder) const {
     ProgressLine line(common_.ProgressMode());
     return FindOrMakeViews(synthesizer, requests, folder, [&](const Progress& progress) {

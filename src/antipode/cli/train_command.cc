@@ -7,6 +7,7 @@
 #include "antipode/training/prior_trainer.h"
 #include "antipode/training/upright_trainer.h"
 #include "antipode/training/view_comparison_trainer.h"
+#include "antipode/training/views_trainer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/weights/registry.h"
@@ -137,6 +138,68 @@ class TrainUprightCommand : public Command {
   CommonOptions common_;
 };
 
+class TrainViewsCommand : public Command {
+ public:
+  std::string Name() const override { return "views"; }
+  std::string Summary() const override { return "A small diffusion model that imagines views"; }
+  std::string Example() const override {
+    return "  antipode train views --objects meshes/train --out my_views --minutes 60\n"
+           "  antipode synthesize photo.png --model my_views/views --views 16 --out views\n"
+           "Ctrl-C saves and stops; go on with the same command and --resume.";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model views/")->required()->type_name("DIR");
+    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
+    app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
+    app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
+    app.add_option("--learning-rate", options_.learning_rate, "Of the optimiser")->capture_default_str()->type_name("X");
+    app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
+    app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
+    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")->capture_default_str()->type_name("N");
+    app.add_option("--image-size", config_.image_size, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
+    app.add_option("--width", config_.unet.base_width, "Channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
+    app.add_option("--predict", predict_, "velocity or noise")->capture_default_str()->type_name("NAME");
+    app.add_option("--pose", pose_, "rotation: the relative rotation; zero123: its four numbers")->capture_default_str()->type_name("NAME");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    options_.device = common_.device;
+    config_.target = Choose(predict_, "--predict", "velocity", DiffusionTarget::kVelocity, "noise", DiffusionTarget::kNoise);
+    config_.pose = Choose(pose_, "--pose", "rotation", PoseCondition::kRelativeRotation, "zero123", PoseCondition::kZero123);
+    ProgressLine line(common_.ProgressMode());
+    const ViewsTrainingResult result = TrainViews(options_, config_, [&](const Progress& progress) {
+      if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
+      line.Show(progress);
+    });
+    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+    if (result.interrupted)
+      throw Interrupted("training", Formatted("stopped on request after %lld steps; all is saved", static_cast<long long>(result.steps)),
+                        "go on with the same command and --resume");
+    if (common_.PrintsText())
+      std::cout << Formatted("%lld steps, loss %.4f\n", static_cast<long long>(result.steps), result.last_loss) << "Model: "
+                << result.model.string() << "\n";
+  }
+
+ private:
+  template <typename Value>
+  static Value Choose(const std::string& name, const char* option, const char* first, Value first_value, const char* second, Value second_value) {
+    if (name == first) return first_value;
+    if (name == second) return second_value;
+    throw InvalidOption(option, "is " + name, std::string("use ") + first + " or " + second);
+  }
+
+  ViewsTrainingOptions options_;
+  ViewDiffusionConfig config_ = ViewDiffusionConfig::Small();
+  std::string predict_ = "velocity", pose_ = "rotation";
+  CommonOptions common_;
+};
+
 /// The selector or the refiner.
 class TrainViewComparisonCommand : public Command {
  public:
@@ -210,6 +273,7 @@ class TrainCommand : public Command {
     std::vector<std::unique_ptr<Command>> commands;
     commands.push_back(std::make_unique<TrainPriorCommand>());
     commands.push_back(std::make_unique<TrainUprightCommand>());
+    commands.push_back(std::make_unique<TrainViewsCommand>());
     for (const auto network : {TrainViewComparisonCommand::Network::kSelector, TrainViewComparisonCommand::Network::kRefiner})
       commands.push_back(std::make_unique<TrainViewComparisonCommand>(network));
     return commands;

@@ -20,7 +20,7 @@ struct RefinerConfig {
   std::int64_t finest_stride = 4;    ///< of the backbone's three maps; the next are twice and four times that
   std::int64_t feature_width = 64;   ///< of each map; image features are twice as wide
   std::int64_t volume_width = 64;    ///< of the first 3-D convolutions; they end eight times as wide
-  std::int64_t grid = 32;            ///< voxels along each axis, a multiple of 8
+  std::int64_t grid = 32;            ///< voxels along each axis, a multiple of 8; at 8 the last norm sees one voxel and leaves nothing
   std::int64_t regressor_width = 512;
   void Check() const;
 

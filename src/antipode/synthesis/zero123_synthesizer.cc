@@ -21,7 +21,9 @@ SynthesisCamera CameraOf(const cv::Mat& picture) {
   return {kFocalLength, 2 * kFocalLength * picture.cols / std::max(extent.width, extent.height)};
 }
 
-std::string FingerprintOf(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options) {
+}  // namespace
+
+std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options) {
   const nlohmann::json settings = {{"picture", Sha256Hex({reinterpret_cast<const std::byte*>(picture.data), picture.total() * picture.elemSize()})},
                                    {"model", model_sha256}, {"solver", NameOf(options.solver)}, {"steps", options.steps},
                                    {"eta", options.eta}, {"guidance_scale", options.guidance_scale},
@@ -30,8 +32,6 @@ std::string FingerprintOf(const cv::Mat& picture, const std::string& model_sha25
   const std::string text = settings.dump();
   return Sha256Hex(std::as_bytes(std::span(text)));
 }
-
-}  // namespace
 
 void Zero123SynthesisOptions::Check() const {
   sampling.Check();
@@ -46,7 +46,7 @@ struct Zero123Synthesizer::Loaded {
 Zero123Synthesizer::Zero123Synthesizer(const std::string& model, const cv::Mat& object_on_white,
                                        const Zero123SynthesisOptions& options, torch::Device device)
     : model_name_(model), options_(options), device_(device), picture_(PrepareReferencePicture(object_on_white)),
-      camera_(CameraOf(picture_)), fingerprint_(FingerprintOf(picture_, FindModel(model).sha256, options.sampling)) {
+      camera_(CameraOf(picture_)), fingerprint_(FingerprintOfSynthesis(picture_, FindModel(model).sha256, options.sampling)) {
   options.Check();
 }
 

@@ -19,6 +19,9 @@ struct Zero123SynthesisOptions {
   void Check() const;
 };
 
+/// Hash of all that decides imagined views but the requests.
+std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options);
+
 /// Imagines the object of one photograph. The model is loaded when the first view is asked for.
 class Zero123Synthesizer : public ViewSynthesizer {
  public:

@@ -1,0 +1,86 @@
+#include "antipode/synthesis/small_synthesizer.h"
+
+#include <algorithm>
+
+#include <opencv2/imgproc.hpp>
+
+#include "antipode/geometry/rotation.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/util/files.h"
+#include "antipode/weights/registry.h"
+#include "antipode/zero123/picture.h"
+
+namespace antipode {
+namespace {
+
+constexpr double kFocalLength = 280.0 / 256;
+constexpr double kMargin = 0.05;  // of the crops it was trained on
+
+ViewDiffusion LoadViewDiffusion(const std::string& model) {
+  const TensorFile file = LoadModel(model);
+  ViewDiffusion network(ViewDiffusionConfig::FromMetadata(file.metadata, model));
+  LoadInto(*network, file, model);
+  return network;
+}
+
+/// The object's box fills the picture but for the margin, as in training.
+cv::Mat ObjectCentric(const cv::Mat& object_on_white, int size) {
+  const cv::Rect box = BoxOfObject(object_on_white);
+  const cv::Mat object = object_on_white(cv::Rect(box.tl(), box.size() + cv::Size(1, 1)));
+  const int side = static_cast<int>((1 + 2 * kMargin) * std::max(object.cols, object.rows));
+  cv::Mat picture;
+  cv::resize(PaddedToSquare(object, side), picture, {size, size}, 0, 0, cv::INTER_AREA);
+  return picture;
+}
+
+/// The cameras of both stand upright, as the request says.
+ViewCondition ConditionOf(const ViewRequest& request) {
+  const double picture_elevation = request.direction.elevation + RadiansFromDegrees(request.relative.polar);
+  const Eigen::Matrix3d picture = CameraRotationFromCanonical({picture_elevation, 0});
+  return {CameraRotationFromCanonical(request.direction) * picture.transpose(), request.relative};
+}
+
+}  // namespace
+
+bool IsViewDiffusion(const std::string& model) {
+  const auto& metadata = OpenModel(model).metadata;
+  const auto architecture = metadata.find("architecture");
+  return architecture != metadata.end() && architecture->second == "view-diffusion-1";
+}
+
+SmallSynthesizer::SmallSynthesizer(const std::string& model, const cv::Mat& object_on_white, const Zero123SynthesisOptions& options,
+                                   torch::Device device)
+    : model_(LoadViewDiffusion(model)), options_(options) {
+  options.Check();
+  model_->to(device);
+  const cv::Mat picture = ObjectCentric(object_on_white, model_->config().image_size);
+  picture_ = PictureTensor(picture).to(device);
+  fingerprint_ = FingerprintOfSynthesis(picture, FindModel(model).sha256, options.sampling);
+}
+
+SynthesisCamera SmallSynthesizer::Camera() const { return {kFocalLength, 2 * kFocalLength * (1 + 2 * kMargin)}; }
+
+void SmallSynthesizer::Synthesize(std::span<const ViewRequest> requests, const std::function<void(const SynthesizedView&)>& use,
+                                  const ProgressCallback& progress) const {
+  const auto batch = static_cast<std::size_t>(options_.batch);
+  for (std::size_t first = 0; first < requests.size(); first += batch) {
+    const auto some = requests.subspan(first, std::min(batch, requests.size() - first));
+    if (progress) progress({"imagining views", static_cast<std::int64_t>(first), static_cast<std::int64_t>(requests.size()), {}});
+    std::vector<ViewCondition> conditions;
+    std::vector<std::string> names;
+    for (const ViewRequest& request : some) {
+      conditions.push_back(ConditionOf(request));
+      names.push_back(request.name);
+    }
+    const auto pictures = PicturesOf(model_->SampleViews(picture_, conditions, names, options_.sampling));
+    for (std::size_t i = 0; i < some.size(); ++i) use(PosedView(some[i], pictures[i], Camera()));
+  }
+}
+
+std::unique_ptr<ViewSynthesizer> MakeDiffusionSynthesizer(const std::string& model, const cv::Mat& object_on_white,
+                                                          const Zero123SynthesisOptions& options, torch::Device device) {
+  if (IsViewDiffusion(model)) return std::make_unique<SmallSynthesizer>(model, object_on_white, options, device);
+  return std::make_unique<Zero123Synthesizer>(model, object_on_white, options, device);
+}
+
+}  // namespace antipode

@@ -1,0 +1,92 @@
+#include "antipode/training/view_comparison_trainer.h"
+
+#include <gtest/gtest.h>
+
+#include "antipode/gen6d/shared_backbone.h"
+#include "antipode/nn/efficientnet_lite.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
+#include "antipode/nn/synthetic_weights.h"
+#include "antipode/pose/view_comparison.h"
+#include "antipode/training/test_objects.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/temporary_folder.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+/// A model with nothing but a backbone.
+std::string SaveBackbone(const std::filesystem::path& folder, const std::string& name, const std::string& values) {
+  EfficientNetLite0 network;
+  FillSynthetic(*network, values);
+  TensorFile file;
+  AddWithPrefix(file, WeightsOf(*network), "backbone.");
+  SaveModel(folder, name, file, "test", "none", "# test\n");
+  return (folder / name).string();
+}
+
+ViewComparisonTrainingOptions TinyTraining(const std::filesystem::path& folder) {
+  WriteFileAtomically(folder / "objects" / "tetrahedron.glb", TetrahedronGlb(0.8f));
+  ViewComparisonTrainingOptions options;
+  options.objects = folder / "objects";
+  options.out = folder / "out";
+  options.backbone_model = SaveBackbone(folder, "backbone", "a.");
+  options.iterations = 3;
+  options.batch = 1;
+  options.views = 8;
+  options.rendering.views = 8;
+  options.rendering.queries = 2;
+  return options;
+}
+
+SelectorConfig TinySelector() {
+  return {.backbone = BackboneKind::kEfficientNetLite0, .correlation_width = 4, .width = 16, .heads = 2};
+}
+RefinerConfig TinyRefiner() {
+  return {.backbone = BackboneKind::kEfficientNetLite0, .finest_stride = 8, .feature_width = 4, .volume_width = 4, .grid = 16, .regressor_width = 8};
+}
+
+TEST(TrainRefiner, LeavesTheBackboneWhereItIsAndResumes) {
+  const TemporaryFolder temporary;
+  ViewComparisonTrainingOptions options = TinyTraining(temporary.path());
+  const auto first = TrainRefiner(options, TinyRefiner());
+  const TensorFile stored = LoadModel(first.model.string());
+  for (const auto& [name, tensor] : stored.tensors) EXPECT_FALSE(IsBackbone(name)) << name;
+  EXPECT_EQ(stored.metadata.at("steps"), "3");
+  options.resume = true;
+  const auto second = TrainRefiner(options, TinyRefiner());
+  const TensorFile resumed = LoadModel(second.model.string());
+  EXPECT_EQ(resumed.metadata.at("steps"), "6");
+  int changed = 0;
+  for (const auto& [name, tensor] : stored.tensors) changed += !torch::equal(ToTorch(tensor), ToTorch(resumed.tensors.at(name)));
+  EXPECT_GT(changed, static_cast<int>(stored.tensors.size()) / 2);
+  EXPECT_NO_THROW(ViewComparison::Load("", second.model.string()));
+}
+
+TEST(TrainSelector, TheModelOnlyLoadsBesideItsBackbone) {
+  const TemporaryFolder temporary;
+  const ViewComparisonTrainingOptions options = TinyTraining(temporary.path());
+  const auto result = TrainSelector(options, TinySelector());
+  EXPECT_TRUE(std::isfinite(result.last_loss));
+  EXPECT_NO_THROW(ViewComparison::Load(result.model.string(), ""));
+  SaveBackbone(temporary.path(), "backbone", "b.");
+  EXPECT_THROW(ViewComparison::Load(result.model.string(), ""), BadFile);
+}
+
+TEST(RenderPosedObjects, QueriesShowTheObjectWhereTheirPosesSay) {
+  const TemporaryFolder temporary;
+  WriteFileAtomically(temporary.path() / "a.glb", TetrahedronGlb(0.8f));
+  const auto objects = RenderPosedObjects(temporary.path(), {.views = 8, .queries = 3});
+  ASSERT_EQ(objects.size(), 1u);
+  for (const PosedPicture& query : objects[0].queries) {
+    const Eigen::Vector2d centre = (query.intrinsics * query.camera_from_object.translation).hnormalized();
+    const auto pixel = query.rgb.at<cv::Vec3b>(static_cast<int>(std::lround(centre.y())), static_cast<int>(std::lround(centre.x())));
+    EXPECT_NE(pixel, cv::Vec3b::all(255)) << "the tetrahedron holds its sphere's centre";
+  }
+  EXPECT_THROW(RenderPosedObjects(temporary.path() / "none", {}), Error);
+}
+
+}  // namespace
+}  // namespace antipode

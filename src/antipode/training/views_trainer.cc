@@ -1,0 +1,235 @@
+#include "antipode/training/views_trainer.h"
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <numbers>
+#include <vector>
+
+#include "antipode/nn/device.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/nn/precision.h"
+#include "antipode/training/batch_loader.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/interrupt.h"
+#include "antipode/util/seeds.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+using torch::Tensor;
+namespace fs = std::filesystem;
+
+constexpr char kCheckpoint[] = "checkpoint.safetensors";
+
+struct Batch {
+  Tensor pictures, views;  // [P, 3, S, S], -1..1
+  std::vector<ViewCondition> conditions;
+};
+
+class Trainer {
+ public:
+  Trainer(const ViewsTrainingOptions& options, const ViewDiffusionConfig& config, const ViewCache& cache, const ProgressCallback& progress)
+      : options_(options), progress_(progress), device_(SelectDevice(options.device)), model_(config),
+        loader_(cache, options.objects_per_step, options.views_per_object, config.image_size, options.augmentation, options.seed) {
+    InitializeForTraining(*model_, options.seed);
+    SilenceOutput();
+    model_->to(device_);
+    for (const auto& item : model_->named_parameters()) average_[item.key()] = item.value().detach().clone();
+    optimizer_ = std::make_unique<torch::optim::AdamW>(model_->parameters(), torch::optim::AdamWOptions(options.learning_rate).weight_decay(0.01));
+    if (options.resume) Resume();
+  }
+
+  ViewsTrainingResult Run() {
+    start_ = std::chrono::steady_clock::now();
+    std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
+    if (!options_.resume) log << "step,minutes,loss\n";
+    ViewsTrainingResult result;
+    for (std::int64_t step = 0; Fraction() < 1; ++step) {
+      const double loss = Step();
+      if (step < kShown) result.first_loss += (loss - result.first_loss) / static_cast<double>(step + 1);
+      result.last_loss += (loss - result.last_loss) / std::min<double>(kShown, static_cast<double>(step + 1));
+      if (step_ % 20 == 0) log << step_ << ',' << Minutes() << ',' << result.last_loss << std::endl;
+      if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction()), 1000, "loss " + std::to_string(result.last_loss)});
+      result.interrupted = InterruptRequested();
+      if (result.interrupted) break;
+    }
+    SaveCheckpoint();
+    result.steps = step_;
+    result.model = SaveAverage();
+    return result;
+  }
+
+ private:
+  static constexpr int kShown = 20;
+
+  double Minutes() const {
+    return minutes_before_ + std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count() / 60;
+  }
+  double Fraction() const {
+    return options_.iterations > 0 ? static_cast<double>(step_) / options_.iterations : Minutes() / options_.minutes;
+  }
+
+  /// A network that says nothing at first learns faster than one that says something wrong.
+  void SilenceOutput() {
+    const torch::NoGradGuard no_gradient;
+    for (auto& item : model_->named_parameters())
+      if (item.key().starts_with("unet.out.2.")) item.value().zero_();
+  }
+
+  /// Every view of an object is asked for, given the next one.
+  Batch NextBatch() {
+    const ViewBatch drawn = loader_.Get(step_);
+    const Tensor rgba = drawn.rgba.to(torch::kFloat) / 255, alpha = rgba.slice(1, 3, 4);
+    const Tensor white = (rgba.slice(1, 0, 3) * alpha + (1 - alpha)) * 2 - 1;
+    const auto count = static_cast<std::int64_t>(drawn.camera_from_object.size());
+    const std::int64_t views = count / drawn.groups;
+    std::vector<std::int64_t> sources;
+    Batch batch;
+    for (std::int64_t i = 0; i < count; ++i) {
+      const std::int64_t source = i / views * views + (i + 1) % views;
+      sources.push_back(source);
+      batch.conditions.push_back(ConditionOf(drawn.camera_from_object[source], drawn.camera_from_object[i]));
+    }
+    batch.views = white.to(device_);
+    batch.pictures = white.index_select(0, torch::tensor(sources, torch::kLong)).to(device_);
+    return batch;
+  }
+
+  static ViewCondition ConditionOf(const Eigen::Matrix3d& picture, const Eigen::Matrix3d& view) {
+    // Object frame with +Y up; the camera's direction is minus its z row.
+    const auto polar = [](const Eigen::Matrix3d& r) { return std::acos(std::clamp(-r(2, 1), -1.0, 1.0)) * 180 / M_PI; };
+    const auto azimuth = [](const Eigen::Matrix3d& r) { return std::atan2(-r(2, 0), -r(2, 2)) * 180 / M_PI; };
+    return {view * picture.transpose(), {polar(view) - polar(picture), azimuth(view) - azimuth(picture), 0}};
+  }
+
+  double Step() {
+    torch::manual_seed(CombineSeeds(options_.seed + 1, static_cast<std::uint64_t>(step_)));
+    const Batch batch = NextBatch();
+    const auto count = batch.views.size(0);
+    const Tensor timesteps = torch::randint(0, NoiseSchedule::kTrainingSteps, {count}, torch::kLong);
+    std::vector<float> alphas;
+    for (std::int64_t i = 0; i < count; ++i)
+      alphas.push_back(static_cast<float>(model_->schedule().At(static_cast<int>(timesteps[i].item<std::int64_t>())).alpha_bar));
+    const Tensor alpha_bar = torch::tensor(alphas).view({-1, 1, 1, 1}).to(device_);
+    const Tensor noise = torch::randn(batch.views.sizes()).to(device_);
+    const Tensor is_conditional = (torch::rand({count}) >= options_.unconditional_share).to(torch::kFloat).to(device_);
+    const Tensor noisy = alpha_bar.sqrt() * batch.views + (1 - alpha_bar).sqrt() * noise;
+    const double rate = options_.learning_rate * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * std::min(1.0, Fraction()))));
+    static_cast<torch::optim::AdamWOptions&>(optimizer_->param_groups()[0].options()).lr(rate);
+    optimizer_->zero_grad();
+    Tensor predicted;
+    {
+      const BFloat16Autocast autocast(device_.type(), device_.is_cuda() || ProcessorHasBFloat16());
+      predicted = model_->forward(noisy, batch.pictures, timesteps.to(torch::kFloat).to(device_),
+                                  model_->PoseNumbers(batch.conditions).to(device_), is_conditional);
+    }
+    const Tensor loss = (predicted.to(torch::kFloat) - TargetOf(model_->config().target, batch.views, noise, alpha_bar)).square().mean();
+    const double value = loss.item<double>();
+    if (!std::isfinite(value)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
+    loss.backward();
+    torch::nn::utils::clip_grad_norm_(model_->parameters(), options_.gradient_clip);
+    optimizer_->step();
+    UpdateAverage();
+    ++step_;
+    return value;
+  }
+
+  void UpdateAverage() {
+    const torch::NoGradGuard no_gradient;
+    const double decay = std::min(options_.average_decay, (1.0 + static_cast<double>(step_)) / (10.0 + static_cast<double>(step_)));
+    for (auto& item : model_->named_parameters()) average_.at(item.key()).lerp_(item.value(), 1 - decay);
+  }
+
+  torch::optim::AdamWParamState* MomentsOf(const Tensor& parameter) {
+    const auto found = optimizer_->state().find(parameter.unsafeGetTensorImpl());
+    return found == optimizer_->state().end() ? nullptr : static_cast<torch::optim::AdamWParamState*>(found->second.get());
+  }
+
+  void SaveCheckpoint() {
+    TensorFile file;
+    file.metadata = {{"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())}};
+    file.metadata.merge(model_->config().ToMetadata());
+    for (auto& item : model_->named_parameters()) {
+      file.tensors["weight/" + item.key()] = FromTorch(item.value());
+      file.tensors["average/" + item.key()] = FromTorch(average_.at(item.key()));
+      if (auto* moments = MomentsOf(item.value())) {
+        file.tensors["adam1/" + item.key()] = FromTorch(moments->exp_avg());
+        file.tensors["adam2/" + item.key()] = FromTorch(moments->exp_avg_sq());
+      }
+    }
+    WriteSafetensors(options_.out / kCheckpoint, file);
+  }
+
+  void Resume() {
+    const fs::path path = options_.out / kCheckpoint;
+    if (!fs::exists(path)) throw BadFile(path.string(), "is missing, there is nothing to resume", "leave out --resume");
+    const TensorFile file = SafetensorsReader(path).ReadAll();
+    if (file.metadata.at("config") != model_->config().ToMetadata().at("config"))
+      throw BadFile(path.string(), "was made with another configuration", "resume with the options it was started with");
+    const torch::NoGradGuard no_gradient;
+    step_ = std::stoll(file.metadata.at("step"));
+    minutes_before_ = std::stod(file.metadata.at("minutes"));
+    for (auto& item : model_->named_parameters()) {
+      item.value().copy_(ToTorch(file.tensors.at("weight/" + item.key())));
+      average_.at(item.key()).copy_(ToTorch(file.tensors.at("average/" + item.key())));
+      const auto first = file.tensors.find("adam1/" + item.key());
+      if (first == file.tensors.end()) continue;
+      auto state = std::make_unique<torch::optim::AdamWParamState>();
+      state->step(step_);
+      state->exp_avg(ToTorch(first->second).to(device_));
+      state->exp_avg_sq(ToTorch(file.tensors.at("adam2/" + item.key())).to(device_));
+      optimizer_->state()[item.value().unsafeGetTensorImpl()] = std::move(state);
+    }
+  }
+
+  fs::path SaveAverage() const {
+    TensorFile file;
+    for (const auto& [name, tensor] : average_) file.tensors[name] = ConvertTo(FromTorch(tensor), Dtype::kF16);
+    file.metadata = model_->config().ToMetadata();
+    SaveModel(options_.out, "views", file, "Small diffusion model that imagines an object from other viewpoints", "Apache-2.0",
+              "# views\n\nTrained by `antipode train views`: " + std::to_string(step_) + " steps, seed " + std::to_string(options_.seed) + ".\n");
+    return options_.out / "views";
+  }
+
+  const ViewsTrainingOptions& options_;
+  const ProgressCallback& progress_;
+  torch::Device device_;
+  ViewDiffusion model_;
+  BatchLoader loader_;
+  std::unique_ptr<torch::optim::AdamW> optimizer_;
+  std::map<std::string, Tensor> average_;
+  std::int64_t step_ = 0;
+  double minutes_before_ = 0;
+  std::chrono::steady_clock::time_point start_;
+};
+
+}  // namespace
+
+void ViewsTrainingOptions::Check() const {
+  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
+  if (iterations < 0) throw InvalidOption("iterations", "must not be negative");
+  if (objects_per_step < 1) throw InvalidOption("objects_per_step", "must be at least 1");
+  if (views_per_object < 2) throw InvalidOption("views_per_object", "leaves no pair", "use at least 2");
+  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
+  if (!(unconditional_share >= 0 && unconditional_share < 1)) throw InvalidOption("unconditional_share", "must be at least 0 and less than 1");
+  views.Check();
+}
+
+ViewsTrainingResult TrainViews(const ViewsTrainingOptions& options, const ViewDiffusionConfig& config, const ProgressCallback& progress) {
+  options.Check();
+  config.Check();
+  fs::create_directories(options.out);
+  const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
+  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), options.views, progress);
+  return Trainer(options, config, cache, progress).Run();
+}
+
+double PeakSignalToNoise(const Tensor& picture, const Tensor& truth) {
+  return -10 * std::log10(std::max(1e-12, (picture - truth).square().mean().item<double>()));
+}
+
+}  // namespace antipode
