@@ -1,5 +1,6 @@
 #include "antipode/gen6d/refiner.h"
 
+#include "antipode/gen6d/metadata_number.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -22,12 +23,6 @@ Conv2d Conv(std::int64_t inputs, std::int64_t outputs) {
 
 Conv3d VolumeConv(std::int64_t inputs, std::int64_t outputs, std::int64_t stride = 1) {
   return Conv3d(torch::nn::Conv3dOptions(inputs, outputs, 3).padding(1).stride(stride));
-}
-
-std::int64_t NumberIn(const std::map<std::string, std::string>& metadata, const std::string& name, const std::string& file) {
-  const auto entry = metadata.find(name);
-  if (entry == metadata.end()) throw BadFile(file, "its metadata lacks " + name);
-  return std::stoll(entry->second);
 }
 
 Tensor ToTensor(const Eigen::MatrixXd& matrix, const torch::TensorOptions& options) {
@@ -62,11 +57,11 @@ RefinerConfig RefinerConfig::FromMetadata(const std::map<std::string, std::strin
                   "use a model that 'antipode models import gen6d' or 'antipode train refiner' wrote");
   RefinerConfig config;
   config.backbone = BackboneKindOf(metadata.at("backbone"));
-  config.finest_stride = NumberIn(metadata, "finest_stride", file);
-  config.feature_width = NumberIn(metadata, "feature_width", file);
-  config.volume_width = NumberIn(metadata, "volume_width", file);
-  config.grid = NumberIn(metadata, "grid", file);
-  config.regressor_width = NumberIn(metadata, "regressor_width", file);
+  config.finest_stride = MetadataNumber(metadata, "finest_stride", file);
+  config.feature_width = MetadataNumber(metadata, "feature_width", file);
+  config.volume_width = MetadataNumber(metadata, "volume_width", file);
+  config.grid = MetadataNumber(metadata, "grid", file);
+  config.regressor_width = MetadataNumber(metadata, "regressor_width", file);
   config.Check();
   return config;
 }

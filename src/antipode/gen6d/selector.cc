@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include "antipode/gen6d/metadata_number.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -29,12 +30,6 @@ TORCH_MODULE(NormalizeViews);
 
 torch::nn::Conv1d Pointwise(std::int64_t inputs, std::int64_t outputs) { return torch::nn::Conv1d(inputs, outputs, 1); }
 
-std::int64_t NumberIn(const std::map<std::string, std::string>& metadata, const std::string& name, const std::string& file) {
-  const auto entry = metadata.find(name);
-  if (entry == metadata.end()) throw BadFile(file, "its metadata lacks " + name);
-  return std::stoll(entry->second);
-}
-
 }  // namespace
 
 void SelectorConfig::Check() const {
@@ -58,9 +53,9 @@ SelectorConfig SelectorConfig::FromMetadata(const std::map<std::string, std::str
                   "use a model that 'antipode models import gen6d' or 'antipode train selector' wrote");
   SelectorConfig config;
   config.backbone = BackboneKindOf(metadata.at("backbone"));
-  config.correlation_width = NumberIn(metadata, "correlation_width", file);
-  config.width = NumberIn(metadata, "width", file);
-  config.heads = NumberIn(metadata, "heads", file);
+  config.correlation_width = MetadataNumber(metadata, "correlation_width", file);
+  config.width = MetadataNumber(metadata, "width", file);
+  config.heads = MetadataNumber(metadata, "heads", file);
   config.Check();
   return config;
 }

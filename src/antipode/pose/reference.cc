@@ -4,6 +4,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "antipode/nn/module_weights.h"
+#include "antipode/synthesis/pose_json.h"
 #include "antipode/synthesis/view_folder.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -26,22 +27,6 @@ constexpr char kBuildAgain[] = "build it again: antipode reference build";
 bool ShowsObject(const cv::Mat& mask) {
   const int pixels = cv::countNonZero(mask);
   return pixels > 16 && pixels < static_cast<int>(mask.total());
-}
-
-Json Rows(const Rigid3& pose) {
-  Json rows = Json::array();
-  for (int r = 0; r < 3; ++r)
-    rows.push_back({pose.rotation(r, 0), pose.rotation(r, 1), pose.rotation(r, 2), pose.translation[r]});
-  return rows;
-}
-
-Rigid3 PoseFrom(const Json& rows) {
-  Rigid3 pose;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = rows.at(r).at(c);
-    pose.translation[r] = rows.at(r).at(3);
-  }
-  return pose;
 }
 
 /// The crops that matching compares, without the pictures that show nothing.
@@ -107,7 +92,7 @@ void SaveReference(const fs::path& folder, const Reference& reference, const Pri
                {"views", reference.views.size()},
                {"length_unit", "object radius"},
                {"warnings", reference.warnings}};
-  if (reference.source_from_object) json["source_from_object"] = Rows(*reference.source_from_object);
+  if (reference.source_from_object) json["source_from_object"] = PoseToJson(*reference.source_from_object);
   WriteFileAtomically(folder / kInfoFile, json.dump(2) + "\n");
 }
 
@@ -134,7 +119,7 @@ ReferenceInfo ReadReferenceInfo(const fs::path& folder) {
   const Json json = ReadInfoJson(folder);
   try {
     ReferenceInfo info{json.at("antipode"), json.at("fingerprint"), json.at("prior_sha256"), json.at("views"), {}, json.at("warnings")};
-    if (json.contains("source_from_object")) info.source_from_object = PoseFrom(json.at("source_from_object"));
+    if (json.contains("source_from_object")) info.source_from_object = PoseFromJson(json.at("source_from_object"));
     return info;
   } catch (const Json::exception&) {
     throw BadFile((folder / kInfoFile).string(), "is damaged", kBuildAgain);

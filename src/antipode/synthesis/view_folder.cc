@@ -9,6 +9,7 @@
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/image/load.h"
+#include "antipode/synthesis/pose_json.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/version.h"
@@ -48,20 +49,11 @@ Json ViewJson(const SynthesizedView& view, const std::string& sha256) {
           {"azimuth_deg", DegreesFromRadians(view.request.direction.azimuth)},
           {"camera", {{"fx", camera.fx}, {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}, {"width", camera.width},
                       {"height", camera.height}}},
-          {"camera_from_object", Rows(MatrixOf(view.camera_from_object))}};
+          {"camera_from_object", PoseToJson(view.camera_from_object)}};
 }
 
 PinholeCamera CameraFrom(const Json& json) {
   return {json.at("width"), json.at("height"), json.at("fx"), json.at("fy"), json.at("cx"), json.at("cy")};
-}
-
-Rigid3 PoseFrom(const Json& rows) {
-  Rigid3 pose;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = rows.at(r).at(c);
-    pose.translation[r] = rows.at(r).at(3);
-  }
-  return pose;
 }
 
 /// x right, y up, z backward, in a world with +Z up, as NeRF tools have it.
@@ -142,7 +134,7 @@ SynthesizedView ViewFolder::Read(const Entry& entry) const {
     request.name = entry.name;
     request.direction = {RadiansFromDegrees(json.at("elevation_deg")), RadiansFromDegrees(json.at("azimuth_deg"))};
     return {request, LoadImage((folder_ / FileOf(entry.name)).string()).rgb, CameraFrom(json.at("camera")),
-            PoseFrom(json.at("camera_from_object"))};
+            PoseFromJson(json.at("camera_from_object"))};
   } catch (const Json::exception&) {
     throw BadFile((folder_ / kListFile).string(), "is damaged", "remove it; all views will be made again");
   }
