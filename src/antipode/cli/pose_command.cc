@@ -7,6 +7,7 @@
 #include "antipode/cli/pose_methods.h"
 #include "antipode/cli/pose_result.h"
 #include "antipode/cli/process_clock.h"
+#include "antipode/cli/progress_line.h"
 #include "antipode/image/load.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
@@ -71,6 +72,8 @@ class PoseCommand : public Command {
     MethodRequest request = method_;
     request.device = common_.device;
     request.synthesis.seed = common_.seed;
+    ProgressLine line(common_.ProgressMode());
+    request.progress = [&](const Progress& progress) { line.Show(progress); };
     auto method_loading = std::async(std::launch::async, [&] { return LoadPoseMethod(request); });
     auto query_loading = std::async(std::launch::async, [&] { return LoadPhotograph(query_, "query"); });
     PoseResult result;

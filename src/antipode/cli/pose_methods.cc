@@ -68,13 +68,18 @@ class DiffusionRoute {
     if (HasOwnMeshes()) return UpperBound(pair);
     if (!request_.synthesis.mesh.empty()) return AgainstMesh(pair);
     Keep(Sha256OfPicture(pair.reference.photograph.image), [&] {
-      return BuildReference(request_.synthesis, models_, &pair.reference.photograph, {}, ThrowWhenInterrupted);
+      return BuildReference(request_.synthesis, models_, &pair.reference.photograph, {}, MakingViews());
     });
     return WithReferenceView(RelativeToSource(reference_, Pose(pair.query)), pair);
   }
 
  private:
-  static void ThrowWhenInterrupted(const Progress&) { ThrowIfInterrupted(); }
+  ProgressCallback MakingViews() const {
+    return [report = request_.progress](const Progress& progress) {
+      ThrowIfInterrupted();
+      if (report) report(progress);
+    };
+  }
   static std::string Sha256OfPicture(const cv::Mat& picture) {
     const cv::Mat dense = picture.clone();
     return Sha256Hex({reinterpret_cast<const std::byte*>(dense.data), dense.total() * dense.elemSize()});
@@ -112,7 +117,7 @@ class DiffusionRoute {
   }
 
   TwoViewPose AgainstMesh(const PairToEstimate& pair) {
-    Keep(request_.synthesis.mesh, [&] { return BuildReference(request_.synthesis, models_, nullptr, {}, ThrowWhenInterrupted); });
+    Keep(request_.synthesis.mesh, [&] { return BuildReference(request_.synthesis, models_, nullptr, {}, MakingViews()); });
     return ComposeObjectPoses(Pose(pair.reference), Pose(pair.query));
   }
 

@@ -23,6 +23,7 @@ struct MethodRequest {
   ViewComparisonRequest comparison;
   /// Folder of data set objects that are their own meshes: for "diffusion" with the synthesiser "mesh".
   std::filesystem::path object_meshes;
+  ProgressCallback progress = {};      ///< of making views
 
   /// Declares --method, --model, --matcher and the options of the synthesis.
   void Declare(CLI::App& app);

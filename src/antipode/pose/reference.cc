@@ -19,6 +19,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kFormat = 1;
 constexpr std::size_t kFewestViews = 8;
+constexpr std::size_t kEncodedAtOnce = 16;
 constexpr int kCropSize = 256;
 constexpr char kInfoFile[] = "reference.json";
 constexpr char kFeaturesFile[] = "features.safetensors";
@@ -68,14 +69,17 @@ Reference MakeReference(std::vector<SynthesizedView> views, const ObjectPrior& p
                 "at least 8 are needed; ask for more with --views");
   std::vector<torch::Tensor> codes;
   std::vector<Eigen::Matrix3d> rotations;
+  std::vector<ObjectView> batch;
   for (std::size_t i = 0; i < reference.views.size(); ++i) {
     if (progress) progress({"encoding views", static_cast<std::int64_t>(i), static_cast<std::int64_t>(reference.views.size()), {}});
     const SynthesizedView& view = reference.views[i];
-    const std::vector<ObjectView> crop{MakeObjectView(view.image, MaskOnWhite(view.image), view.camera, prior.ViewOptions())};
-    codes.push_back(prior.Encode(crop)[0]);
-    rotations.push_back(crop.front().crop_from_camera * view.camera_from_object.rotation);
+    batch.push_back(MakeObjectView(view.image, MaskOnWhite(view.image), view.camera, prior.ViewOptions()));
+    rotations.push_back(batch.back().crop_from_camera * view.camera_from_object.rotation);
+    if (batch.size() < kEncodedAtOnce && i + 1 < reference.views.size()) continue;
+    codes.push_back(prior.Encode(batch));
+    batch.clear();
   }
-  reference.code = prior.JoinViews(torch::stack(codes), rotations);
+  reference.code = prior.JoinViews(torch::cat(codes), rotations);
   return reference;
 }
 
