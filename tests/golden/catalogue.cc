@@ -27,14 +27,22 @@ bool HasSignature(const GoldenCase& golden_case, const CatalogueEntry& entry) {
   });
 }
 
-const CatalogueEntry* FindByName(std::span<const CatalogueEntry> catalogue,
-                                 const std::string& name) {
-  const CatalogueEntry* longest = nullptr;
+/// The more special of two entries that both fit by name: the longer kind, and of two with one name that whose tensors
+/// the case lists.
+bool FitsBetter(const CatalogueEntry& entry, const CatalogueEntry& other, const GoldenCase& golden_case) {
+  if (entry.kind.size() != other.kind.size()) return entry.kind.size() > other.kind.size();
+  return HasSignature(golden_case, entry) && !HasSignature(golden_case, other);
+}
+
+/// By the field `kind`, else by the name without its variant.
+const CatalogueEntry* FindByName(std::span<const CatalogueEntry> catalogue, const GoldenCase& golden_case) {
+  const CatalogueEntry* by_kind = nullptr;
+  const CatalogueEntry* by_name = nullptr;
   for (const CatalogueEntry& entry : catalogue) {
-    if (!IsVariantOf(name, entry.kind)) continue;
-    if (!longest || entry.kind.size() > longest->kind.size()) longest = &entry;
+    if (entry.kind == golden_case.kind && (!by_kind || FitsBetter(entry, *by_kind, golden_case))) by_kind = &entry;
+    if (IsVariantOf(golden_case.name, entry.kind) && (!by_name || FitsBetter(entry, *by_name, golden_case))) by_name = &entry;
   }
-  return longest;
+  return by_kind ? by_kind : by_name;
 }
 
 const CatalogueEntry* FindBySignature(std::span<const CatalogueEntry> catalogue,
@@ -63,10 +71,7 @@ std::vector<CatalogueEntry> Catalogue() {
 
 const CatalogueEntry* FindEntry(std::span<const CatalogueEntry> catalogue,
                                 const GoldenCase& golden_case) {
-  for (const CatalogueEntry& entry : catalogue) {
-    if (entry.kind == golden_case.kind) return &entry;
-  }
-  const CatalogueEntry* by_name = FindByName(catalogue, golden_case.name);
+  const CatalogueEntry* by_name = FindByName(catalogue, golden_case);
   return by_name ? by_name : FindBySignature(catalogue, golden_case);
 }
 

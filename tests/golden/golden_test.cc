@@ -116,6 +116,17 @@ TEST(CatalogueLookup, ByKindThenByNameThenBySignature) {
   EXPECT_EQ(FindEntry(catalogue, renamed), &catalogue[2]);
 }
 
+TEST(CatalogueLookup, TellsKindsOfOneNameApartByTheirTensors) {
+  const std::vector<CatalogueEntry> catalogue = {{"rotation", {"x"}, nullptr}, {"rotation", {"y"}, nullptr}};
+  for (const std::size_t wanted : {0u, 1u}) {
+    for (const char* const kind : {"", "rotation"}) {
+      GoldenCase golden_case = Named("rotation_90", kind);
+      golden_case.specs = {{catalogue[wanted].signature.front(), "expected", {}}};
+      EXPECT_EQ(FindEntry(catalogue, golden_case), &catalogue[wanted]);
+    }
+  }
+}
+
 TEST_F(GoldenFolder, StoredCasesPass) {
   const auto catalogue = Catalogue();
   const auto cases = ReadManifest(folder_);
