@@ -11,6 +11,7 @@
 #include "antipode/evaluation/evaluation_summary.h"
 #include "antipode/evaluation/false_confidence.h"
 #include "antipode/evaluation/orientation_evaluation.h"
+#include "antipode/geometry/pose_metrics.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
 #include "antipode/report/formatted.h"

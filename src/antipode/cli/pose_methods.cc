@@ -5,13 +5,13 @@
 #include <sstream>
 
 #include "antipode/evaluation/baselines.h"
+#include "antipode/image/load.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
 #include "antipode/pose/object_pose.h"
 #include "antipode/prior/object_prior.h"
 #include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
 #include "antipode/util/suggest.h"
@@ -80,10 +80,6 @@ class DiffusionRoute {
       if (report) report(progress);
     };
   }
-  static std::string Sha256OfPicture(const cv::Mat& picture) {
-    const cv::Mat dense = picture.clone();
-    return Sha256Hex({reinterpret_cast<const std::byte*>(dense.data), dense.total() * dense.elemSize()});
-  }
   bool HasOwnMeshes() const { return request_.synthesis.IsMesh() && request_.synthesis.mesh.empty() && !request_.object_meshes.empty(); }
 
   template <typename Build>
@@ -110,7 +106,7 @@ class DiffusionRoute {
   /// A perfect synthesiser knows how its views stand to its picture.
   TwoViewPose UpperBound(const PairToEstimate& pair) {
     Keep(pair.object, [&] {
-      return BuildMeshReference(request_.object_meshes / (pair.object + ".glb"), request_.synthesis.views, models_, std::nullopt);
+      return BuildMeshReference(request_.object_meshes / (pair.object + ".glb"), request_.synthesis.views, models_);
     });
     reference_.source_from_object = pair.reference.camera_from_object;
     return WithReferenceView(RelativeToSource(reference_, Pose(pair.query)), pair);

@@ -29,13 +29,19 @@ std::optional<UprightEstimator> LoadUpright(const std::string& prior_sha256) {
 
 Zero123SynthesisOptions OptionsOf(const SynthesisRequest& request) {
   Zero123SynthesisOptions options;
-  if (request.preset == "fast") options.sampling = Zero123Options::Fast();
+  options.sampling = SamplingPreset(request.preset);
   options.sampling.seed = request.seed;
   options.batch = request.batch;
   return options;
 }
 
 }  // namespace
+
+Zero123Options SamplingPreset(const std::string& name) {
+  if (name == "fast") return Zero123Options::Fast();
+  if (name == "paper") return {};
+  throw InvalidOption("--preset", Quoted(name) + " is unknown", "use fast or paper");
+}
 
 void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const std::string& views_option) {
   const auto in_group = [&](CLI::Option* option) {
@@ -59,7 +65,7 @@ void SynthesisRequest::Check() const {
   if (!mesh.empty()) return;
   if (IsMesh()) throw InvalidOption("--synthesizer mesh", "has no mesh", "give --mesh object.glb");
   if (synthesizer != "zero123") throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use zero123 or mesh");
-  if (preset != "fast" && preset != "paper") throw InvalidOption("--preset", Quoted(preset) + " is unknown", "use fast or paper");
+  SamplingPreset(preset);
   if (model == "zero123" && !IsModelInstalled(model))
     throw Error("model 'zero123'", "is not installed",
                 "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or give the object's --mesh");
@@ -108,16 +114,15 @@ std::unique_ptr<ViewSynthesizer> SynthesizerOf(const SynthesisRequest& request, 
 }
 
 Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
-                             const std::optional<Rigid3>& source_from_object, const std::filesystem::path& folder,
-                             const ProgressCallback& progress) {
+                             const std::filesystem::path& folder, const ProgressCallback& progress) {
   const MeshSynthesizer synthesizer(LoadMesh(mesh));
-  return BuildReference(synthesizer, RequestViewsAllAround(views, 0), *models.prior, models.identity, source_from_object, folder, progress);
+  return BuildReference(synthesizer, RequestViewsAllAround(views, 0), *models.prior, models.identity, std::nullopt, folder, progress);
 }
 
 Reference BuildReference(const SynthesisRequest& request, const ReferenceModels& models, const ObjectPhotograph* photograph,
                          const std::filesystem::path& folder, const ProgressCallback& progress) {
   request.Check();
-  if (!request.mesh.empty()) return BuildMeshReference(request.mesh, request.views, models, std::nullopt, folder, progress);
+  if (!request.mesh.empty()) return BuildMeshReference(request.mesh, request.views, models, folder, progress);
   const PhotographOrientation oriented = OrientPhotograph(request, models, *photograph);
   const double elevation = oriented.orientation.elevation_deg;
   const ReferencePicture picture =

@@ -12,8 +12,12 @@
 #include "antipode/orientation/orientation.h"
 #include "antipode/pose/reference_build.h"
 #include "antipode/pose/two_view_pose.h"
+#include "antipode/zero123/zero123.h"
 
 namespace antipode {
+
+/// "fast" or "paper": exactly as the paper's program samples. @throws InvalidOption naming --preset
+Zero123Options SamplingPreset(const std::string& name);
 
 /// Where the views of an object come from, as the command line names it.
 struct SynthesisRequest {
@@ -71,7 +75,6 @@ Reference BuildReference(const SynthesisRequest& request, const ReferenceModels&
 
 /// The reference of a mesh, all sides.
 Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
-                             const std::optional<Rigid3>& source_from_object, const std::filesystem::path& folder = {},
-                             const ProgressCallback& progress = {});
+                             const std::filesystem::path& folder = {}, const ProgressCallback& progress = {});
 
 }  // namespace antipode

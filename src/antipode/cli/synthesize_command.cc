@@ -6,6 +6,7 @@
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/photograph_input.h"
 #include "antipode/cli/progress_line.h"
+#include "antipode/cli/synthesis_request.h"
 #include "antipode/nn/device.h"
 #include "antipode/synthesis/reference_picture.h"
 #include "antipode/synthesis/small_synthesizer.h"
@@ -26,12 +27,7 @@ struct SamplingRequest {
   std::optional<double> guidance_scale, eta;
 
   Zero123Options Resolve(std::uint64_t seed) const {
-    Zero123Options options;
-    if (preset == "fast") {
-      options = Zero123Options::Fast();
-    } else if (preset != "paper") {
-      throw InvalidOption("--preset", Quoted(preset) + " is unknown", "use fast or paper");
-    }
+    Zero123Options options = SamplingPreset(preset);
     if (solver) options.solver = SolverFromName(*solver);
     if (options.solver != Solver::kDdim) options.eta = 0;
     if (steps) options.steps = *steps;

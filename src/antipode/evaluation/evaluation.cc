@@ -1,7 +1,6 @@
 #include "antipode/evaluation/evaluation.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <exception>
 #include <random>
@@ -12,6 +11,7 @@
 #include "antipode/geometry/pose_metrics.h"
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
+#include "antipode/util/stopwatch.h"
 #include "antipode/util/seeds.h"
 
 namespace antipode {
@@ -25,16 +25,6 @@ struct Attempt {
   std::optional<TwoViewPose> pose;
   std::string failure;
   double seconds = 0;
-};
-
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
 std::string FirstLine(const std::string& text) {

@@ -49,13 +49,6 @@ void OrientationErrors::AddFailure() {
   ++failures;
 }
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
-
 Orientation TrueOrientation(const SceneView& view) {
   return OrientationFromUp(view.camera_from_object.rotation.col(1));
 }

@@ -20,8 +20,6 @@ struct OrientationErrors {
   void AddFailure();
 };
 
-double Median(std::vector<double> values);
-
 /// The true orientation of a data set view whose object's frame has +Y up.
 Orientation TrueOrientation(const SceneView& view);
 

@@ -1,5 +1,6 @@
 #include "antipode/gen6d/refiner.h"
 
+#include "antipode/gen6d/instance_normalization.h"
 #include "antipode/gen6d/metadata_number.h"
 #include "antipode/util/error.h"
 
@@ -10,12 +11,6 @@ using torch::Tensor;
 using torch::nn::Conv2d, torch::nn::Conv3d, torch::nn::Linear, torch::nn::ReLU, torch::nn::Sequential;
 
 constexpr double kLeakySlope = 0.1;
-
-/// Instance norm without parameters.
-struct NormalizeInstancesImpl : torch::nn::Module {
-  Tensor forward(const Tensor& x) { return at::instance_norm(x, {}, {}, {}, {}, true, 0, 1e-5, false); }
-};
-TORCH_MODULE(NormalizeInstances);
 
 Conv2d Conv(std::int64_t inputs, std::int64_t outputs) {
   return Conv2d(torch::nn::Conv2dOptions(inputs, outputs, 3).padding(1));
@@ -73,11 +68,11 @@ RefinerFeatureNetImpl::RefinerFeatureNetImpl(const RefinerConfig& config) {
     strides_.push_back(static_cast<int>(config.finest_stride) << level);
     const std::int64_t hidden = level == 0 ? width : 4 * width;
     levels_.push_back(register_module("conv" + std::to_string(level),
-                                      Sequential(Conv(backbone_->ChannelsAt(strides_.back()), hidden), NormalizeInstances(),
-                                                 ReLU(), Conv(hidden, width), NormalizeInstances())));
+                                      Sequential(Conv(backbone_->ChannelsAt(strides_.back()), hidden), InstanceNormalization(),
+                                                 ReLU(), Conv(hidden, width), InstanceNormalization())));
   }
-  conv_out_ = register_module("conv_out", Sequential(Conv(3 * width, 2 * width), NormalizeInstances(), ReLU(),
-                                                     Conv(2 * width, 2 * width), NormalizeInstances()));
+  conv_out_ = register_module("conv_out", Sequential(Conv(3 * width, 2 * width), InstanceNormalization(), ReLU(),
+                                                     Conv(2 * width, 2 * width), InstanceNormalization()));
 }
 
 Tensor RefinerFeatureNetImpl::forward(const Tensor& images) {
@@ -94,7 +89,7 @@ Tensor RefinerFeatureNetImpl::forward(const Tensor& images) {
 VolumeNetImpl::VolumeNetImpl(const RefinerConfig& config) {
   const std::int64_t features = 2 * config.feature_width, width = config.volume_width;
   const auto embed = [&](std::int64_t inputs) {
-    return Sequential(VolumeConv(inputs, width), NormalizeInstances(), ReLU(), VolumeConv(width, width));
+    return Sequential(VolumeConv(inputs, width), InstanceNormalization(), ReLU(), VolumeConv(width, width));
   };
   mean_embed_ = register_module("mean_embed", embed(2 * features));
   var_embed_ = register_module("var_embed", embed(features));
@@ -105,8 +100,8 @@ VolumeNetImpl::VolumeNetImpl(const RefinerConfig& config) {
   for (const Layer& layer : layers)
     convolutions_.push_back(register_module(
         "conv" + std::to_string(convolutions_.size()),
-        Sequential(VolumeConv(layer.inputs * width, layer.outputs * width, layer.stride), NormalizeInstances(), ReLU())));
-  convolutions_.push_back(register_module("conv5", Sequential(VolumeConv(4 * width, 8 * width, 2), NormalizeInstances(), ReLU(),
+        Sequential(VolumeConv(layer.inputs * width, layer.outputs * width, layer.stride), InstanceNormalization(), ReLU())));
+  convolutions_.push_back(register_module("conv5", Sequential(VolumeConv(4 * width, 8 * width, 2), InstanceNormalization(), ReLU(),
                                                               VolumeConv(8 * width, 8 * width))));
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include "antipode/gen6d/instance_normalization.h"
 #include "antipode/gen6d/metadata_number.h"
 #include "antipode/util/error.h"
 
@@ -19,14 +20,6 @@ const std::vector<int> kStrides{8, 16, 32};
 Tensor NormalizeJointly(const Tensor& x) {
   return at::batch_norm(x, {}, {}, {}, {}, /*training=*/true, 0, kEpsilon, false);
 }
-
-/// Over everything but batch and channel: [B, C, ...].
-Tensor NormalizeEach(const Tensor& x) { return at::instance_norm(x, {}, {}, {}, {}, true, 0, kEpsilon, false); }
-
-struct NormalizeViewsImpl : torch::nn::Module {
-  Tensor forward(const Tensor& x) { return NormalizeEach(x); }
-};
-TORCH_MODULE(NormalizeViews);
 
 torch::nn::Conv1d Pointwise(std::int64_t inputs, std::int64_t outputs) { return torch::nn::Conv1d(inputs, outputs, 1); }
 
@@ -133,8 +126,8 @@ SelectorImpl::SelectorImpl(const SelectorConfig& config) : config_(config) {
   const auto mixers = register_module("mlps", torch::nn::ModuleList());
   const auto attentions = register_module("atts", torch::nn::ModuleList());
   for (int round = 0; round < 2; ++round) {
-    mixers_.emplace_back(Sequential(Pointwise(2 * width, width), NormalizeViews(), ReLU(), Pointwise(width, width),
-                                    NormalizeViews(), ReLU()));
+    mixers_.emplace_back(Sequential(Pointwise(2 * width, width), InstanceNormalization(), ReLU(), Pointwise(width, width),
+                                    InstanceNormalization(), ReLU()));
     mixers->push_back(mixers_.back());
     attentions_.emplace_back(width, config.heads);
     attentions->push_back(attentions_.back());
@@ -179,7 +172,7 @@ Tensor SelectorImpl::CompareViews(const SelectorFeatures& query, std::int64_t in
   }
   const Tensor features = CorrelationFeatures(correlations).view({1, views, kAngles, -1}).permute({0, 3, 1, 2});
   const Tensor raw = at::stack(similarities).view({1, -1, views, kAngles});
-  const Tensor normalized = NormalizeEach(raw);
+  const Tensor normalized = NormalizeInstances(raw);
   observation.Show("corr_feats", features);
   observation.Show("vps_raw", raw);
   observation.Show("vps_norm", normalized);

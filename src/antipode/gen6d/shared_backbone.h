@@ -14,15 +14,17 @@ bool IsBackbone(const std::string& parameter);
 
 TensorFile WithoutBackbone(TensorFile file);
 
-/// Copies the backbone out of a model: EfficientNet-Lite0 out of a prior, VGG-11 out of an imported selector.
-/// @throws BadFile if the model has no such backbone
-void UseSharedBackbone(torch::nn::Module& network, const std::string& model);
+/// The backbone of a model that others share: EfficientNet-Lite0 of a prior, VGG-11 of an imported selector.
+struct SharedBackbone {
+  TensorFile tensors;  ///< without the prefix `backbone.`
+  std::string sha256;  ///< of its names and values
+};
 
-/// Hash of the backbone's values in a model.
-std::string SharedBackboneHash(const std::string& model);
+/// @throws BadFile if the model has no backbone
+SharedBackbone LoadSharedBackbone(const std::string& model);
 
-/// Copies everything but the backbone. @throws BadFile as LoadInto
-void LoadBesideBackbone(torch::nn::Module& network, const TensorFile& file, const std::string& source);
+/// A whole network: the backbone, and everything else from `rest`. @throws BadFile as LoadInto
+void LoadBesideBackbone(torch::nn::Module& network, TensorFile rest, const SharedBackbone& backbone, const std::string& source);
 
 /// A whole network from a model with or without a backbone of its own.
 /// @throws BadFile if it was trained with another backbone than the one that is installed

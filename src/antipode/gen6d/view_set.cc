@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "antipode/geometry/rotation.h"
+#include "antipode/geometry/viewpoints.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -57,6 +58,20 @@ ViewMatchingConventions ViewMatchingConventions::Published() {
   conventions.border = 0;
   conventions.radians_per_angle = 1;
   return conventions;
+}
+
+Eigen::Matrix3d IntegerIntrinsics(const PinholeCamera& camera) {
+  Eigen::Matrix3d intrinsics = camera.Intrinsics();
+  intrinsics.topRightCorner<2, 1>().array() -= 0.5;
+  return intrinsics;
+}
+
+Rigid3 ToCanonicalFrame(const Rigid3& camera_from_object) {
+  return {camera_from_object.rotation * CanonicalFromObjectRotation().transpose(), camera_from_object.translation};
+}
+
+PosedPicture ToPosedPicture(const cv::Mat& rgb, const PinholeCamera& camera, const Rigid3& camera_from_object) {
+  return {rgb, IntegerIntrinsics(camera), ToCanonicalFrame(camera_from_object)};
 }
 
 torch::Tensor ToImages(const std::vector<cv::Mat>& pictures) {

@@ -10,6 +10,7 @@
 #include "antipode/gen6d/normalized_view.h"
 #include "antipode/gen6d/refiner.h"
 #include "antipode/gen6d/selector.h"
+#include "antipode/geometry/camera.h"
 
 namespace antipode {
 
@@ -36,6 +37,15 @@ struct QueryPicture {
   cv::Mat rgb;  ///< 8UC3, white background
   Eigen::Matrix3d intrinsics;
 };
+
+/// K with pixel centres at integers.
+Eigen::Matrix3d IntegerIntrinsics(const PinholeCamera& camera);
+
+/// The pose in the networks' object frame, +Z up, of one with +Y up.
+Rigid3 ToCanonicalFrame(const Rigid3& camera_from_object);
+
+/// From the product's conventions: pixel centres at integer + 0.5, object frame with +Y up, unit radius.
+PosedPicture ToPosedPicture(const cv::Mat& rgb, const PinholeCamera& camera, const Rigid3& camera_from_object);
 
 /// [N, 3, H, W] in [0, 1].
 torch::Tensor ToImages(const std::vector<cv::Mat>& pictures);

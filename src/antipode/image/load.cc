@@ -205,4 +205,9 @@ void SaveImage(const fs::path& path, const cv::Mat& rgb) {
       path, std::string_view(reinterpret_cast<const char*>(encoded.data()), encoded.size()));
 }
 
+std::string Sha256OfPicture(const cv::Mat& picture) {
+  const cv::Mat dense = picture.isContinuous() ? picture : picture.clone();
+  return Sha256Hex({reinterpret_cast<const std::byte*>(dense.data), dense.total() * dense.elemSize()});
+}
+
 }  // namespace antipode

@@ -30,4 +30,7 @@ LoadedImage LoadImage(const std::filesystem::path& path, const LoadImageOptions&
 /// Writes a PNG or JPEG (by extension) atomically; `rgb` is 8UC3 RGB or 8UC1.
 void SaveImage(const std::filesystem::path& path, const cv::Mat& rgb);
 
+/// Hash of the pixels, row by row.
+std::string Sha256OfPicture(const cv::Mat& picture);
+
 }  // namespace antipode

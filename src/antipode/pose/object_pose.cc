@@ -1,12 +1,12 @@
 #include "antipode/pose/object_pose.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
+#include "antipode/util/stopwatch.h"
 
 namespace antipode {
 namespace {
@@ -56,10 +56,6 @@ VerifiedMode Verify(const RotationMode& mode, const Reference& reference, const 
     verified.source = is_refined ? "matching" : source;
   }
   return verified;
-}
-
-double SecondsSince(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 Rigid3 CameraPose(const ObjectView& crop, const Rigid3& crop_from_object) {
@@ -148,22 +144,20 @@ ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPoseModels
                               const ObjectPoseOptions& options) {
   options.Check();
   ObjectPose result;
-  auto start = std::chrono::steady_clock::now();
+  Stopwatch stopwatch;
   result.view = MakeObjectView(photograph.image, photograph.mask, photograph.camera, models.prior->ViewOptions());
   const ObjectView large =
       MakeObjectView(photograph.image, photograph.mask, photograph.camera, {.size = reference.crops.front().image.cols});
   result.warnings = result.view.warnings;
   std::vector<VerifiedMode> modes = CoarseModes(reference, models, result.view, large, options.hypotheses);
-  result.timings_s["compare"] = SecondsSince(start);
+  result.timings_s["compare"] = stopwatch.Lap();
 
   if (models.matcher != nullptr) {
-    start = std::chrono::steady_clock::now();
     for (VerifiedMode& mode : modes) mode = Verify(mode.mode, reference, *models.matcher, large, mode.source, options.matching);
-    result.timings_s["match"] = SecondsSince(start);
+    result.timings_s["match"] = stopwatch.Lap();
   }
-  start = std::chrono::steady_clock::now();
   AddHypotheses(reference, std::move(modes), models, large, options.refine_iterations, result);
-  result.timings_s["refine"] = SecondsSince(start);
+  result.timings_s["refine"] = stopwatch.Lap();
   return result;
 }
 

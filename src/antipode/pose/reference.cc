@@ -30,19 +30,28 @@ bool ShowsObject(const cv::Mat& mask) {
   return pixels > 16 && pixels < static_cast<int>(mask.total());
 }
 
-/// The crops that matching compares, without the pictures that show nothing.
-void CropViews(Reference& reference) {
+/// Leaves out the pictures that show nothing.
+/// @return the masks of the others
+std::vector<cv::Mat> DropEmptyViews(Reference& reference) {
   std::vector<SynthesizedView> kept;
+  std::vector<cv::Mat> masks;
   for (SynthesizedView& view : reference.views) {
     const cv::Mat mask = MaskOnWhite(view.image);
     if (!ShowsObject(mask)) {
       reference.warnings.push_back("view " + view.request.name + " shows no object and is left out");
       continue;
     }
-    reference.crops.push_back(MakeObjectView(view.image, mask, view.camera, {.size = kCropSize}));
+    masks.push_back(mask);
     kept.push_back(std::move(view));
   }
   reference.views = std::move(kept);
+  return masks;
+}
+
+/// The crops that matching compares.
+void CropViews(const std::vector<cv::Mat>& masks, Reference& reference) {
+  for (std::size_t i = 0; i < masks.size(); ++i)
+    reference.crops.push_back(MakeObjectView(reference.views[i].image, masks[i], reference.views[i].camera, {.size = kCropSize}));
 }
 
 }  // namespace
@@ -63,17 +72,18 @@ Reference MakeReference(std::vector<SynthesizedView> views, const ObjectPrior& p
   Reference reference;
   reference.views = std::move(views);
   reference.source_from_object = source_from_object;
-  CropViews(reference);
+  const std::vector<cv::Mat> masks = DropEmptyViews(reference);
   if (reference.views.size() < kFewestViews)
     throw Error("reference", "has only " + std::to_string(reference.views.size()) + " views that show the object",
                 "at least 8 are needed; ask for more with --views");
+  CropViews(masks, reference);
   std::vector<torch::Tensor> codes;
   std::vector<Eigen::Matrix3d> rotations;
   std::vector<ObjectView> batch;
   for (std::size_t i = 0; i < reference.views.size(); ++i) {
     if (progress) progress({"encoding views", static_cast<std::int64_t>(i), static_cast<std::int64_t>(reference.views.size()), {}});
     const SynthesizedView& view = reference.views[i];
-    batch.push_back(MakeObjectView(view.image, MaskOnWhite(view.image), view.camera, prior.ViewOptions()));
+    batch.push_back(MakeObjectView(view.image, masks[i], view.camera, prior.ViewOptions()));
     rotations.push_back(batch.back().crop_from_camera * view.camera_from_object.rotation);
     if (batch.size() < kEncodedAtOnce && i + 1 < reference.views.size()) continue;
     codes.push_back(prior.Encode(batch));
@@ -117,10 +127,7 @@ Json ReadInfoJson(const fs::path& folder) {
   }
 }
 
-}  // namespace
-
-ReferenceInfo ReadReferenceInfo(const fs::path& folder) {
-  const Json json = ReadInfoJson(folder);
+ReferenceInfo InfoFrom(const Json& json, const fs::path& folder) {
   try {
     ReferenceInfo info{json.at("antipode"), json.at("fingerprint"), json.at("prior_sha256"), json.at("views"), {}, json.at("warnings")};
     if (json.contains("source_from_object")) info.source_from_object = PoseFromJson(json.at("source_from_object"));
@@ -130,9 +137,13 @@ ReferenceInfo ReadReferenceInfo(const fs::path& folder) {
   }
 }
 
+}  // namespace
+
+ReferenceInfo ReadReferenceInfo(const fs::path& folder) { return InfoFrom(ReadInfoJson(folder), folder); }
+
 Reference LoadReference(const fs::path& folder, const PriorIdentity& prior) {
   const Json json = ReadInfoJson(folder);
-  const ReferenceInfo info = ReadReferenceInfo(folder);
+  const ReferenceInfo info = InfoFrom(json, folder);
   for (const auto& [file, field] : {std::pair{kFeaturesFile, "features_sha256"}, {"views.json", "views_sha256"}}) {
     if (!fs::exists(folder / file) || json.value(field, "") != Sha256OfFile(folder / file))
       throw BadFile((folder / file).string(), "is missing or not what was written", kBuildAgain);
@@ -142,7 +153,7 @@ Reference LoadReference(const fs::path& folder, const PriorIdentity& prior) {
   Reference reference;
   reference.views = ViewFolder::LoadAll(folder);
   reference.source_from_object = info.source_from_object;
-  CropViews(reference);
+  CropViews(DropEmptyViews(reference), reference);
   reference.warnings = info.warnings;
   if (static_cast<int>(reference.views.size()) != info.views)
     throw BadFile((folder / "views.json").string(), "lists another number of views", kBuildAgain);

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
+#include "antipode/util/stopwatch.h"
 
 namespace antipode {
 namespace {
@@ -22,18 +22,6 @@ struct MatchingWeights {
 constexpr MatchingWeights kWithPrior{-2.414, 1.526, 0.161, 0.157, -0.943};
 constexpr double kPriorMassWeight = 0.609;
 constexpr MatchingWeights kWithoutPrior{-7.416, 2.057, 0.529, -0.007, -0.564};
-
-/// Seconds since the last call, filed under a name.
-class Stopwatch {
- public:
-  double Lap() {
-    const auto now = std::chrono::steady_clock::now();
-    return std::chrono::duration<double>(now - std::exchange(last_, now)).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 void AddWarnings(const std::string& whose, const std::vector<std::string>& from,
                  std::vector<std::string>& to) {

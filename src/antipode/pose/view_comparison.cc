@@ -11,18 +11,7 @@
 namespace antipode {
 namespace {
 
-/// Pixel centres at integers.
-Eigen::Matrix3d IntegerIntrinsics(const PinholeCamera& camera) {
-  Eigen::Matrix3d intrinsics = camera.Intrinsics();
-  intrinsics.topRightCorner<2, 1>().array() -= 0.5;
-  return intrinsics;
-}
-
 /// The networks' object frame has +Z up.
-Rigid3 ToCanonical(const Rigid3& camera_from_object) {
-  return {camera_from_object.rotation * CanonicalFromObjectRotation().transpose(), camera_from_object.translation};
-}
-
 Rigid3 FromCanonical(const Rigid3& camera_from_canonical) {
   return {camera_from_canonical.rotation * CanonicalFromObjectRotation(), camera_from_canonical.translation};
 }
@@ -49,7 +38,7 @@ ViewComparison ViewComparison::Load(const std::string& selector, const std::stri
 void ViewComparison::Prepare(const Reference& reference) {
   pictures_.clear();
   for (const SynthesizedView& view : reference.views)
-    pictures_.push_back({view.image, IntegerIntrinsics(view.camera), ToCanonical(view.camera_from_object)});
+    pictures_.push_back(ToPosedPicture(view.image, view.camera, view.camera_from_object));
   if (selector_) references_ = PrepareReferences(*selector_, pictures_);
 }
 
@@ -71,7 +60,7 @@ std::vector<ViewComparison::Selection> ViewComparison::Select(const ObjectView& 
 
 std::vector<std::vector<Rigid3>> ViewComparison::Refine(const ObjectView& crop, const std::vector<Rigid3>& crop_from_object, int iterations) {
   std::vector<Rigid3> starts;
-  for (const Rigid3& pose : crop_from_object) starts.push_back(ToCanonical(pose));
+  for (const Rigid3& pose : crop_from_object) starts.push_back(ToCanonicalFrame(pose));
   auto histories = RefinePoses(*refiner_, pictures_, QueryOf(crop), starts, iterations);
   for (auto& history : histories)
     for (Rigid3& pose : history) pose = FromCanonical(pose);

@@ -3,13 +3,13 @@
 #include <cmath>
 #include <utility>
 
+#include "antipode/image/load.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 
 namespace antipode {
 namespace {
 
-constexpr double kFocalLength = 280.0 / 256;  // as in Zero123's training views
 constexpr double kSphereShare = 0.86;         // of the picture's side that the enclosing sphere spans
 
 Mesh Normalized(Mesh mesh) {
@@ -37,8 +37,7 @@ std::string MeshSynthesizer::Fingerprint() const {
                      Sha256Hex(BytesOf(mesh.colors));
   for (const Material& material : mesh.materials) {
     text += Sha256Hex(std::as_bytes(std::span(material.base_color.data(), 3)));
-    const cv::Mat dense = material.texture.clone();
-    text += Sha256Hex({reinterpret_cast<const std::byte*>(dense.data), dense.total() * dense.elemSize()});
+    text += Sha256OfPicture(material.texture);
   }
   const double numbers[] = {double(options_.size), options_.picture.azimuth, options_.picture.elevation, options_.picture.in_plane_rotation};
   text += Sha256Hex(BytesOf(numbers));
@@ -47,8 +46,8 @@ std::string MeshSynthesizer::Fingerprint() const {
 
 SynthesisCamera MeshSynthesizer::Camera() const {
   // The outline of the unit sphere at distance d has the radius f / sqrt(d^2 - 1).
-  const double tangent = kFocalLength / (kSphereShare / 2);
-  return {kFocalLength, std::sqrt(1 + tangent * tangent)};
+  const double tangent = kTrainingFocalLength / (kSphereShare / 2);
+  return {kTrainingFocalLength, std::sqrt(1 + tangent * tangent)};
 }
 
 cv::Mat MeshSynthesizer::Picture(const RelativeView& view) const {
@@ -60,7 +59,7 @@ cv::Mat MeshSynthesizer::Picture(const RelativeView& view) const {
     viewpoint.azimuth += 180;
   }
   viewpoint.distance = Camera().distance;
-  const double focal_length = kFocalLength * options_.size;
+  const double focal_length = kTrainingFocalLength * options_.size;
   const PinholeCamera camera{options_.size, options_.size, focal_length, focal_length, options_.size / 2.0, options_.size / 2.0};
   return renderer_.Render(camera, CameraFromObject(viewpoint), options_.render).image;
 }

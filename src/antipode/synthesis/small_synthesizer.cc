@@ -13,7 +13,6 @@
 namespace antipode {
 namespace {
 
-constexpr double kFocalLength = 280.0 / 256;
 constexpr double kMargin = 0.05;  // of the crops it was trained on
 
 ViewDiffusion LoadViewDiffusion(const std::string& model) {
@@ -43,9 +42,8 @@ ViewCondition ConditionOf(const ViewRequest& request) {
 }  // namespace
 
 bool IsViewDiffusion(const std::string& model) {
-  const auto& metadata = OpenModel(model).metadata;
-  const auto architecture = metadata.find("architecture");
-  return architecture != metadata.end() && architecture->second == "view-diffusion-1";
+  // Whoever loads it verifies it: hashing gigabytes of another model here would only take time.
+  return ViewDiffusionConfig::IsIn(SafetensorsReader(FindModel(model).file).metadata());
 }
 
 SmallSynthesizer::SmallSynthesizer(const std::string& model, const cv::Mat& object_on_white, const Zero123SynthesisOptions& options,
@@ -58,7 +56,7 @@ SmallSynthesizer::SmallSynthesizer(const std::string& model, const cv::Mat& obje
   fingerprint_ = FingerprintOfSynthesis(picture, FindModel(model).sha256, options.sampling);
 }
 
-SynthesisCamera SmallSynthesizer::Camera() const { return {kFocalLength, 2 * kFocalLength * (1 + 2 * kMargin)}; }
+SynthesisCamera SmallSynthesizer::Camera() const { return {kTrainingFocalLength, 2 * kTrainingFocalLength * (1 + 2 * kMargin)}; }
 
 void SmallSynthesizer::Synthesize(std::span<const ViewRequest> requests, const std::function<void(const SynthesizedView&)>& use,
                                   const ProgressCallback& progress) const {

@@ -100,18 +100,25 @@ std::string ColmapImages(const std::vector<SynthesizedView>& views) {
 
 }  // namespace
 
-ViewFolder::ViewFolder(fs::path folder, std::string fingerprint)
-    : folder_(std::move(folder)), fingerprint_(std::move(fingerprint)) {
+ViewFolder::ViewFolder(fs::path folder) : folder_(std::move(folder)) {
   const fs::path list = folder_ / kListFile;
-  if (!fs::exists(list)) return;
   try {
     const Json json = Json::parse(ReadFile(list));
-    if (json.at("fingerprint") != fingerprint_)
-      throw Error(folder_.string(), "holds views of another picture, model or other settings", "choose an empty folder");
+    fingerprint_ = json.at("fingerprint");
     for (const Json& view : json.at("views")) entries_.push_back({view.at("name"), view.at("sha256"), view.dump()});
   } catch (const Json::exception&) {
     throw BadFile(list.string(), "is damaged", "remove it; all views will be made again");
   }
+}
+
+ViewFolder::ViewFolder(const fs::path& folder, const std::string& fingerprint) {
+  if (fs::exists(folder / kListFile)) {
+    *this = ViewFolder(folder);
+    if (fingerprint_ != fingerprint)
+      throw Error(folder.string(), "holds views of another picture, model or other settings", "choose an empty folder");
+  }
+  folder_ = folder;
+  fingerprint_ = fingerprint;
 }
 
 std::optional<SynthesizedView> ViewFolder::Find(const ViewRequest& request) const {
@@ -143,13 +150,7 @@ SynthesizedView ViewFolder::Read(const Entry& entry) const {
 std::vector<SynthesizedView> ViewFolder::LoadAll(const fs::path& folder) {
   const fs::path list = folder / kListFile;
   if (!fs::exists(list)) throw BadFile(list.string(), "is missing", "build the folder again");
-  std::string fingerprint;
-  try {
-    fingerprint = Json::parse(ReadFile(list)).at("fingerprint");
-  } catch (const Json::exception&) {
-    throw BadFile(list.string(), "is damaged", "build the folder again");
-  }
-  const ViewFolder files(folder, fingerprint);
+  const ViewFolder files(folder);
   std::vector<SynthesizedView> views;
   for (const Entry& entry : files.entries_) {
     if (!files.IsIntact(entry))

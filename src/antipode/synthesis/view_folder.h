@@ -15,7 +15,7 @@ class ViewFolder {
  public:
   /// @param fingerprint of all that decides the views but the view itself
   /// @throws BadFile if views.json is damaged; Error if the folder holds views of other settings
-  ViewFolder(std::filesystem::path folder, std::string fingerprint);
+  ViewFolder(const std::filesystem::path& folder, const std::string& fingerprint);
 
   /// The view if it is there and its file is what was written.
   std::optional<SynthesizedView> Find(const ViewRequest& request) const;
@@ -35,6 +35,8 @@ class ViewFolder {
   struct Entry {
     std::string name, sha256, json;
   };
+  /// What the folder holds, whatever made it.
+  explicit ViewFolder(std::filesystem::path folder);
   bool IsIntact(const Entry& entry) const;
   SynthesizedView Read(const Entry& entry) const;
   void WriteList() const;

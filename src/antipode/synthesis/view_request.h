@@ -39,6 +39,9 @@ std::vector<ViewRequest> RequestViews(std::span<const double> elevations_deg, st
 /// `count` viewpoints all around the object, on a golden-angle spiral: the sine of the elevation in equal steps.
 std::vector<ViewRequest> RequestViewsAllAround(int count, double reference_elevation_deg);
 
+/// Of Zero123's training views, in sides of the picture: a 35 mm lens before a 32 mm sensor.
+inline constexpr double kTrainingFocalLength = 280.0 / 256;
+
 /// The camera that a synthesiser imagines its pictures with: the same for all views, so that they agree on the size of
 /// the object. (The published program gives every view a distance of its own, see published::ViewCameraOf.)
 struct SynthesisCamera {

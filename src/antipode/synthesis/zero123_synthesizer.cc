@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "antipode/image/load.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/weights/registry.h"
@@ -14,17 +15,15 @@
 namespace antipode {
 namespace {
 
-constexpr double kFocalLength = 280.0 / 256;  // of the model's training views: a 35 mm lens before a 32 mm sensor
-
 SynthesisCamera CameraOf(const cv::Mat& picture) {
   const cv::Size extent = BoxOfObject(picture).size();
-  return {kFocalLength, 2 * kFocalLength * picture.cols / std::max(extent.width, extent.height)};
+  return {kTrainingFocalLength, 2 * kTrainingFocalLength * picture.cols / std::max(extent.width, extent.height)};
 }
 
 }  // namespace
 
 std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options) {
-  const nlohmann::json settings = {{"picture", Sha256Hex({reinterpret_cast<const std::byte*>(picture.data), picture.total() * picture.elemSize()})},
+  const nlohmann::json settings = {{"picture", Sha256OfPicture(picture)},
                                    {"model", model_sha256}, {"solver", NameOf(options.solver)}, {"steps", options.steps},
                                    {"eta", options.eta}, {"guidance_scale", options.guidance_scale},
                                    {"guidance", {options.guidance_begin, options.guidance_end}},

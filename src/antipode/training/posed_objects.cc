@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "antipode/geometry/look_at.h"
-#include "antipode/geometry/viewpoints.h"
 #include "antipode/render/renderer.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/util/error.h"
@@ -13,12 +12,6 @@
 
 namespace antipode {
 namespace {
-
-PosedPicture ToPosedPicture(const cv::Mat& rgb, const PinholeCamera& camera, const Rigid3& camera_from_object) {
-  Eigen::Matrix3d intrinsics = camera.Intrinsics();
-  intrinsics.topRightCorner<2, 1>().array() -= 0.5;
-  return {rgb, intrinsics, {camera_from_object.rotation * CanonicalFromObjectRotation().transpose(), camera_from_object.translation}};
-}
 
 PosedPicture RandomQuery(const Renderer& renderer, const PosedObjectOptions& options, std::mt19937_64& random) {
   const auto uniform = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };

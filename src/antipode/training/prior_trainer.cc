@@ -21,6 +21,7 @@
 #include "antipode/nn/precision.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/training/batch_loader.h"
+#include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
@@ -109,8 +110,8 @@ class Trainer {
   void Prepare() {
     encoder_->backbone->FreezeFirstBlocks(TrainsBackbone() ? options_.frozen_blocks : kBackboneBlocks);
     std::vector<Tensor> backbone, head;
+    average_ = StartAverage(*encoder_);
     for (auto& item : encoder_->named_parameters()) {
-      average_[item.key()] = item.value().detach().clone();
       if (!item.value().requires_grad()) continue;
       (item.key().starts_with("backbone.") ? backbone : head).push_back(item.value());
     }
@@ -138,16 +139,7 @@ class Trainer {
     if (file.metadata.at("encoder") != Describe())
       throw BadFile(path.string(), "was made with other options", "resume with the options it was started with");
     Prepare();
-    const torch::NoGradGuard no_gradient;
-    const auto restore = [&](Tensor target, const std::string& name) {
-      target.copy_(ToTorch(file.tensors.at(name)).view(target.sizes()));
-    };
-    for (auto& item : encoder_->named_parameters()) {
-      restore(item.value(), "weight/" + item.key());
-      restore(average_.at(item.key()), "average/" + item.key());
-      if (file.tensors.contains("adam1/" + item.key())) RestoreMoments(item.value(), item.key(), file);
-    }
-    for (auto& item : encoder_->named_buffers()) restore(item.value(), "weight/" + item.key());
+    RestoreTrainingState(file, *encoder_, average_, *optimizer_);
     step_ = std::stoll(file.metadata.at("step"));
     minutes_before_ = std::stod(file.metadata.at("minutes"));
     recent_loss_ = std::stod(file.metadata.at("loss"));
@@ -276,47 +268,17 @@ class Trainer {
     loss.backward();
     torch::nn::utils::clip_grad_norm_(encoder_->parameters(), options_.gradient_clip);
     optimizer_->step();
-    UpdateAverage();
+    UpdateAverage(average_, *encoder_, options_.average_decay, step_);
     ++step_;
     recent_loss_ = recent_loss_ == 0 ? value : 0.98 * recent_loss_ + 0.02 * value;
     if (step_ % 20 == 0) WriteLog("");
-  }
-
-  void UpdateAverage() {
-    const torch::NoGradGuard no_gradient;
-    const double decay = std::min(options_.average_decay, (1.0 + step_) / (10.0 + step_));
-    for (auto& item : encoder_->named_parameters())
-      if (item.value().requires_grad()) average_.at(item.key()).lerp_(item.value(), 1 - decay);
-  }
-
-  torch::optim::AdamWParamState* MomentsOf(const Tensor& parameter) {
-    const auto found = optimizer_->state().find(parameter.unsafeGetTensorImpl());
-    if (found == optimizer_->state().end()) return nullptr;
-    return static_cast<torch::optim::AdamWParamState*>(found->second.get());
-  }
-
-  void RestoreMoments(const Tensor& parameter, const std::string& name, const TensorFile& file) {
-    auto state = std::make_unique<torch::optim::AdamWParamState>();
-    state->step(std::stoll(file.metadata.at("adam_step/" + name)));
-    state->exp_avg(ToTorch(file.tensors.at("adam1/" + name)).view(parameter.sizes()).to(device_));
-    state->exp_avg_sq(ToTorch(file.tensors.at("adam2/" + name)).view(parameter.sizes()).to(device_));
-    optimizer_->state()[parameter.unsafeGetTensorImpl()] = std::move(state);
   }
 
   void SaveCheckpoint() {
     TensorFile file;
     file.metadata = {{"encoder", Describe()}, {"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())},
                      {"loss", std::to_string(recent_loss_)}};
-    for (auto& item : encoder_->named_parameters()) {
-      file.tensors["weight/" + item.key()] = FromTorch(item.value());
-      file.tensors["average/" + item.key()] = FromTorch(average_.at(item.key()));
-      if (auto* moments = MomentsOf(item.value())) {
-        file.tensors["adam1/" + item.key()] = FromTorch(moments->exp_avg());
-        file.tensors["adam2/" + item.key()] = FromTorch(moments->exp_avg_sq());
-        file.metadata["adam_step/" + item.key()] = std::to_string(moments->step());
-      }
-    }
-    for (auto& item : encoder_->named_buffers()) file.tensors["weight/" + item.key()] = FromTorch(item.value());
+    AddTrainingState(file, *encoder_, average_, *optimizer_);
     WriteSafetensors(options_.out / kCheckpointName, file);
     last_checkpoint_ = Clock::now();
   }
@@ -402,7 +364,7 @@ class Trainer {
   std::vector<Eigen::Matrix3d> grid_;
   ObjectEncoder encoder_{nullptr};
   std::unique_ptr<torch::optim::AdamW> optimizer_;
-  std::map<std::string, Tensor> average_;
+  MovingAverage average_;
   std::map<std::int64_t, std::pair<FeaturePyramid, Pairs>> frozen_;
   std::int64_t step_ = 0;
   double minutes_before_ = 0, recent_loss_ = 0;

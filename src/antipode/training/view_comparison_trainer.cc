@@ -146,7 +146,8 @@ template <typename Network, typename Step>
 class Training {
  public:
   Training(const ViewComparisonTrainingOptions& options, Network network, std::string name, const ProgressCallback& progress)
-      : options_(options), network_(std::move(network)), name_(std::move(name)), progress_(progress) {
+      : options_(options), network_(std::move(network)), name_(std::move(name)), progress_(progress),
+        backbone_(LoadSharedBackbone(options.backbone_model)) {
     InitializeRest();
     if (options_.resume) Resume();
   }
@@ -210,13 +211,13 @@ class Training {
       item.value().mul_(0.05);
       if (item.key() == "regressor.fcr.bias") item.value()[0] = 1;
     }
-    UseSharedBackbone(*network_, options_.backbone_model);
+    LoadBesideBackbone(*network_, WithoutBackbone(WeightsOf(*network_)), backbone_, options_.backbone_model);
   }
 
   void Resume() {
     const fs::path folder = options_.out / name_;
     const TensorFile file = LoadModel(folder.string());
-    LoadBesideBackbone(*network_, file, folder.string());
+    LoadBesideBackbone(*network_, file, backbone_, folder.string());
     first_step_ = std::stoll(file.metadata.at("steps"));
   }
 
@@ -235,7 +236,7 @@ class Training {
     for (auto& [name, tensor] : file.tensors) tensor = ConvertTo(tensor, Dtype::kF16);
     file.metadata = network_->config().ToMetadata();
     file.metadata["backbone_model"] = options_.backbone_model;
-    file.metadata["backbone_sha256"] = SharedBackboneHash(options_.backbone_model);
+    file.metadata["backbone_sha256"] = backbone_.sha256;
     file.metadata["steps"] = std::to_string(first_step_ + result.steps);
     SaveModel(options_.out, name_, file, "Gen6D's " + name_ + ", trained on rendered objects", "Apache-2.0",
               "# " + name_ + "\n\nTrained by `antipode train " + name_ + "`: " + std::to_string(first_step_ + result.steps) + " steps, seed " +
@@ -247,6 +248,7 @@ class Training {
   Network network_;
   std::string name_;
   const ProgressCallback& progress_;
+  SharedBackbone backbone_;
   std::int64_t first_step_ = 0;
   std::chrono::steady_clock::time_point start_;
 };

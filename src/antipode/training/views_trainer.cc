@@ -3,14 +3,15 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
-#include <map>
 #include <numbers>
 #include <vector>
 
+#include "antipode/geometry/look_at.h"
 #include "antipode/nn/device.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/precision.h"
 #include "antipode/training/batch_loader.h"
+#include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
@@ -38,7 +39,7 @@ class Trainer {
     InitializeForTraining(*model_, options.seed);
     SilenceOutput();
     model_->to(device_);
-    for (const auto& item : model_->named_parameters()) average_[item.key()] = item.value().detach().clone();
+    average_ = StartAverage(*model_);
     optimizer_ = std::make_unique<torch::optim::AdamW>(model_->parameters(), torch::optim::AdamWOptions(options.learning_rate).weight_decay(0.01));
     if (options.resume) Resume();
   }
@@ -100,10 +101,8 @@ class Trainer {
   }
 
   static ViewCondition ConditionOf(const Eigen::Matrix3d& picture, const Eigen::Matrix3d& view) {
-    // Object frame with +Y up; the camera's direction is minus its z row.
-    const auto polar = [](const Eigen::Matrix3d& r) { return std::acos(std::clamp(-r(2, 1), -1.0, 1.0)) * 180 / M_PI; };
-    const auto azimuth = [](const Eigen::Matrix3d& r) { return std::atan2(-r(2, 0), -r(2, 2)) * 180 / M_PI; };
-    return {view * picture.transpose(), {polar(view) - polar(picture), azimuth(view) - azimuth(picture), 0}};
+    const Viewpoint of_picture = ViewpointFromRotation(picture), of_view = ViewpointFromRotation(view);
+    return {view * picture.transpose(), {of_picture.elevation - of_view.elevation, of_view.azimuth - of_picture.azimuth, 0}};
   }
 
   double Step() {
@@ -133,34 +132,16 @@ class Trainer {
     loss.backward();
     torch::nn::utils::clip_grad_norm_(model_->parameters(), options_.gradient_clip);
     optimizer_->step();
-    UpdateAverage();
+    UpdateAverage(average_, *model_, options_.average_decay, step_);
     ++step_;
     return value;
-  }
-
-  void UpdateAverage() {
-    const torch::NoGradGuard no_gradient;
-    const double decay = std::min(options_.average_decay, (1.0 + static_cast<double>(step_)) / (10.0 + static_cast<double>(step_)));
-    for (auto& item : model_->named_parameters()) average_.at(item.key()).lerp_(item.value(), 1 - decay);
-  }
-
-  torch::optim::AdamWParamState* MomentsOf(const Tensor& parameter) {
-    const auto found = optimizer_->state().find(parameter.unsafeGetTensorImpl());
-    return found == optimizer_->state().end() ? nullptr : static_cast<torch::optim::AdamWParamState*>(found->second.get());
   }
 
   void SaveCheckpoint() {
     TensorFile file;
     file.metadata = {{"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())}};
     file.metadata.merge(model_->config().ToMetadata());
-    for (auto& item : model_->named_parameters()) {
-      file.tensors["weight/" + item.key()] = FromTorch(item.value());
-      file.tensors["average/" + item.key()] = FromTorch(average_.at(item.key()));
-      if (auto* moments = MomentsOf(item.value())) {
-        file.tensors["adam1/" + item.key()] = FromTorch(moments->exp_avg());
-        file.tensors["adam2/" + item.key()] = FromTorch(moments->exp_avg_sq());
-      }
-    }
+    AddTrainingState(file, *model_, average_, *optimizer_);
     WriteSafetensors(options_.out / kCheckpoint, file);
   }
 
@@ -170,20 +151,9 @@ class Trainer {
     const TensorFile file = SafetensorsReader(path).ReadAll();
     if (file.metadata.at("config") != model_->config().ToMetadata().at("config"))
       throw BadFile(path.string(), "was made with another configuration", "resume with the options it was started with");
-    const torch::NoGradGuard no_gradient;
+    RestoreTrainingState(file, *model_, average_, *optimizer_);
     step_ = std::stoll(file.metadata.at("step"));
     minutes_before_ = std::stod(file.metadata.at("minutes"));
-    for (auto& item : model_->named_parameters()) {
-      item.value().copy_(ToTorch(file.tensors.at("weight/" + item.key())));
-      average_.at(item.key()).copy_(ToTorch(file.tensors.at("average/" + item.key())));
-      const auto first = file.tensors.find("adam1/" + item.key());
-      if (first == file.tensors.end()) continue;
-      auto state = std::make_unique<torch::optim::AdamWParamState>();
-      state->step(step_);
-      state->exp_avg(ToTorch(first->second).to(device_));
-      state->exp_avg_sq(ToTorch(file.tensors.at("adam2/" + item.key())).to(device_));
-      optimizer_->state()[item.value().unsafeGetTensorImpl()] = std::move(state);
-    }
   }
 
   fs::path SaveAverage() const {
@@ -201,7 +171,7 @@ class Trainer {
   ViewDiffusion model_;
   BatchLoader loader_;
   std::unique_ptr<torch::optim::AdamW> optimizer_;
-  std::map<std::string, Tensor> average_;
+  MovingAverage average_;
   std::int64_t step_ = 0;
   double minutes_before_ = 0;
   std::chrono::steady_clock::time_point start_;

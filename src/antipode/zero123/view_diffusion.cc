@@ -57,9 +57,13 @@ std::map<std::string, std::string> ViewDiffusionConfig::ToMetadata() const {
   return {{"architecture", kArchitecture}, {"config", json.dump()}};
 }
 
-ViewDiffusionConfig ViewDiffusionConfig::FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
+bool ViewDiffusionConfig::IsIn(const std::map<std::string, std::string>& metadata) {
   const auto architecture = metadata.find("architecture");
-  if (architecture == metadata.end() || architecture->second != kArchitecture)
+  return architecture != metadata.end() && architecture->second == kArchitecture;
+}
+
+ViewDiffusionConfig ViewDiffusionConfig::FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
+  if (!IsIn(metadata))
     throw BadFile(file, "is no small diffusion model", "use one that 'antipode train views' wrote");
   try {
     const auto json = nlohmann::json::parse(metadata.at("config"));

@@ -40,6 +40,8 @@ struct ViewDiffusionConfig {
   void Check() const;
 
   std::map<std::string, std::string> ToMetadata() const;
+  /// Whether a model with this metadata is such a one.
+  static bool IsIn(const std::map<std::string, std::string>& metadata);
   static ViewDiffusionConfig FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file);
 };
 
