@@ -29,4 +29,8 @@ if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
   endif()
   get_filename_component(LibTorch_LIBRARY_DIR ${LibTorch_c10_LIBRARY} DIRECTORY)
   target_link_libraries(LibTorch::LibTorch INTERFACE ${libraries})
+  # First among the shared libraries: the BLAS that other libraries bring (ATLAS, the reference BLAS) defines the same
+  # symbols as the MKL inside LibTorch, and the first one loaded serves every matrix product of all of them.
+  target_link_options(LibTorch::LibTorch INTERFACE
+    LINKER:--push-state,--no-as-needed ${LibTorch_torch_cpu_LIBRARY} LINKER:--pop-state)
 endif()
