@@ -48,7 +48,9 @@ class TrainPriorCommand : public Command {
         ->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")
         ->capture_default_str()->type_name("N");
-    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")
+    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each variant of an object")
+        ->capture_default_str()->type_name("N");
+    app.add_option("--variants", options_.views.variants, "Variants of an object: itself, then in turn stretched, retextured, joined with another")
         ->capture_default_str()->type_name("N");
     common_.Declare(app);
   }
