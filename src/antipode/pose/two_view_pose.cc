@@ -19,9 +19,9 @@ constexpr double kTurnWorthTrying = 0.1;  // posterior mass; at least one of fou
 struct MatchingWeights {
   double constant, inliers, share, deviation, disagreement;
 };
-constexpr MatchingWeights kWithPrior{-2.414, 1.526, 0.161, 0.157, -0.943};
-constexpr double kPriorMassWeight = 0.609;
-constexpr MatchingWeights kWithoutPrior{-7.416, 2.057, 0.529, -0.007, -0.564};
+constexpr MatchingWeights kWithPrior{-1.922, 1.321, -0.226, -0.207, -1.217};
+constexpr double kPriorMassWeight = 0.451;
+constexpr MatchingWeights kWithoutPrior{-5.465, 1.655, 0.107, -0.485, -0.817};
 
 void AddWarnings(const std::string& whose, const std::vector<std::string>& from,
                  std::vector<std::string>& to) {

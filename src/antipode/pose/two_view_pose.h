@@ -49,7 +49,7 @@ struct TwoViewPose {
 
 struct TwoViewPoseOptions {
   int hypotheses = 5;       ///< how many to list at most
-  int matching_size = 480;  ///< side of the crops that are matched, pixels
+  int matching_size = 640;  ///< side of the crops that are matched, pixels
   ViewMatchingOptions matching;
   void Check() const;
 };

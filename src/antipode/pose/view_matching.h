@@ -18,7 +18,7 @@ struct ViewMatchingOptions {
   int enough_inliers = 80;  ///< so many, and no further turn is tried
   /// Rotations query_crop_from_reference_crop that matches are refined from, beside the one they give themselves.
   std::vector<Eigen::Matrix3d> starts = {};
-  double capture_px = 25;   ///< matches within this distance of a start's epipolar lines speak for it
+  double capture_px = 33;   ///< matches within this distance of a start's epipolar lines speak for it
   TwoViewGeometryOptions geometry = {};
   void Check() const;
 };
