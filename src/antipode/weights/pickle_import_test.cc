@@ -12,13 +12,14 @@
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/temporary_folder.h"
+#include "antipode/weights/test_pickles.h"
 
 namespace antipode {
 namespace {
 
 namespace fs = std::filesystem;
 
-using Shape = std::vector<std::int64_t>;
+using namespace test_pickles;
 
 bool Contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
@@ -44,82 +45,6 @@ void ExpectNear(const HostTensor& tensor, Dtype dtype, const Shape& shape,
 
 void ExpectFloats(const HostTensor& tensor, const Shape& shape, const std::vector<double>& values) {
   ExpectNear(tensor, Dtype::kF32, shape, values, 1e-7);
-}
-
-// The pieces of pickles, as torch.save writes them.
-
-std::string LittleEndian(std::uint64_t value, std::size_t bytes) {
-  std::string text(bytes, '\0');
-  std::memcpy(text.data(), &value, bytes);
-  return text;
-}
-
-std::string Text(const std::string& text) {
-  return std::string("X").append(LittleEndian(text.size(), 4)).append(text);
-}
-
-std::string Integer(std::int64_t value) {
-  return std::string("\x8a\x08") + LittleEndian(static_cast<std::uint64_t>(value), 8);
-}
-
-std::string Tuple(const std::vector<std::string>& items) {
-  std::string text = "(";
-  for (const std::string& item : items) text += item;
-  return text + "t";
-}
-
-std::string Tuple(const Shape& numbers) {
-  std::vector<std::string> items;
-  for (const std::int64_t number : numbers) items.push_back(Integer(number));
-  return Tuple(items);
-}
-
-std::string Global(const std::string& module, const std::string& name) {
-  return "c" + module + "\n" + name + "\n";
-}
-
-std::string Call(const std::string& callable, const std::string& arguments) {
-  return callable + arguments + "R";
-}
-
-std::string Storage(const std::string& key, std::int64_t elements,
-                    const std::string& type = "FloatStorage") {
-  return Tuple(std::vector<std::string>{Text("storage"), Global("torch", type), Text(key),
-                                        Text("cpu"), Integer(elements)}) +
-         "Q";
-}
-
-std::string View(const std::string& storage, std::int64_t offset, const Shape& shape,
-                 const Shape& stride) {
-  const std::string hooks = Call(Global("collections", "OrderedDict"), ")");
-  return Call(Global("torch._utils", "_rebuild_tensor_v2"),
-              Tuple(std::vector<std::string>{storage, Integer(offset), Tuple(shape), Tuple(stride),
-                                             "\x89", hooks}));
-}
-
-std::string Dict(const std::map<std::string, std::string>& values) {
-  std::string text = "}(";
-  for (const auto& [key, value] : values) text += Text(key) + value;
-  return text + "u";
-}
-
-std::string WholePickle(const std::string& body) { return "\x80\x02" + body + "."; }
-
-std::string Floats(const std::vector<float>& values) {
-  std::string bytes(values.size() * sizeof(float), '\0');
-  std::memcpy(bytes.data(), values.data(), bytes.size());
-  return bytes;
-}
-
-void WriteZip(const fs::path& path, const std::map<std::string, std::string>& files) {
-  fs::remove(path);
-  zip_t* const archive = zip_open(path.c_str(), ZIP_CREATE, nullptr);
-  ASSERT_NE(archive, nullptr);
-  for (const auto& [name, content] : files) {
-    zip_source_t* const source = zip_source_buffer(archive, content.data(), content.size(), 0);
-    ASSERT_GE(zip_file_add(archive, name.c_str(), source, 0), 0);
-  }
-  ASSERT_EQ(zip_close(archive), 0);
 }
 
 /// Without flushing to the disk. A new file, because some file systems flush one that is
