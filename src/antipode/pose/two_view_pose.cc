@@ -118,9 +118,13 @@ void File(const WeighedPose& weighed, TwoViewPose& result) {
   result.evidence["translation_disagreement_deg"] = evidence.translation_disagreement_deg;
   if (evidence.prior_mass) result.evidence["prior_mass"] = *evidence.prior_mass;
   result.evidence["matching_probability"] = weighed.probability;
-  if (weighed.geometry.status == TwoViewStatus::kPlanar)
+}
+
+/// Of a result that is the pose of matching.
+void WarnOfDegeneracy(TwoViewStatus status, TwoViewPose& result) {
+  if (status == TwoViewStatus::kPlanar)
     result.warnings.emplace_back("matching: all matches lie on one plane, the pose may be its mirror solution");
-  if (weighed.geometry.status == TwoViewStatus::kPureRotation)
+  if (status == TwoViewStatus::kPureRotation)
     result.warnings.emplace_back("matching: the matches show no parallax, the translation is that of the crops");
 }
 
@@ -202,6 +206,7 @@ TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograp
                 "use --method auto, which also knows what the object's other sides may look like");
   const WeighedPose weighed = MostProbable(views, matched, nullptr);
   File(weighed, result);
+  WarnOfDegeneracy(weighed.geometry.status, result);
   result.query_from_reference = ComposeFromMatches(views, weighed.geometry);
   result.confidence = weighed.probability;
   result.hypotheses = {{result.query_from_reference, result.confidence, "matching"}};
@@ -231,6 +236,7 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
     File(weighed, result);
     AddMatching(ComposeFromMatches(large, weighed.geometry), weighed.probability, prior_confidence, result);
     KeepBest(options.hypotheses, result.hypotheses);
+    if (result.hypotheses.front().source == "matching") WarnOfDegeneracy(weighed.geometry.status, result);
   }
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   Keep(std::move(small), result);

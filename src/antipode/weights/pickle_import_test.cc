@@ -1,11 +1,9 @@
 #include "antipode/weights/pickle_import.h"
 
 #include <gtest/gtest.h>
-#include <zip.h>
 
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <fstream>
 #include <random>
 
