@@ -10,6 +10,7 @@
 #include "antipode/util/error.h"
 #include "antipode/util/temporary_folder.h"
 #include "antipode/weights/test_pickles.h"
+#include "antipode/zero123/test_config.h"
 
 namespace antipode {
 namespace {
@@ -18,18 +19,10 @@ namespace fs = std::filesystem;
 using torch::Tensor;
 using Tensors = std::map<std::string, Tensor>;
 
-Zero123Config TinyConfig() {
-  Zero123Config config;
-  config.unet = {.base_width = 32, .multipliers = {1, 2}, .residual_blocks = 1, .attention_factors = {1, 2}, .heads = 4, .context_width = 32};
-  config.autoencoder = {.base_width = 32, .multipliers = {1, 1}, .residual_blocks = 1};
-  config.clip = {.width = 32, .layers = 1, .heads = 2, .patch = 8, .output_width = 32, .image_size = 32};
-  return config;
-}
-
 /// By their names in the registry.
 Tensors TinyWeights() {
   Tensors weights;
-  for (const auto& [name, shape] : Zero123Tensors(TinyConfig())) weights[name] = SyntheticUniform(name, shape).to(torch::kFloat);
+  for (const auto& [name, shape] : Zero123Tensors(TinyZero123())) weights[name] = SyntheticUniform(name, shape).to(torch::kFloat);
   return weights;
 }
 
@@ -73,11 +66,11 @@ class CheckpointImport : public testing::Test {
     };
     for (const auto& [name, tensor] : weights) {
       if (name.find("in_proj_") == std::string::npos) {
-        put(DiffusersName(name, TinyConfig()), name == "clip.visual.proj" ? tensor.t() : tensor);
+        put(DiffusersName(name, TinyZero123()), name == "clip.visual.proj" ? tensor.t() : tensor);
         continue;
       }
       const auto rows = tensor.chunk(3);
-      for (std::size_t i = 0; i < 3; ++i) put(DiffusersName(name, TinyConfig(), std::string(1, "qkv"[i])), rows[i]);
+      for (std::size_t i = 0; i < 3; ++i) put(DiffusersName(name, TinyZero123(), std::string(1, "qkv"[i])), rows[i]);
     }
     for (const auto& [network, file] : networks) {
       fs::create_directories(folder_.path() / "diffusers" / network);
@@ -109,7 +102,7 @@ class CheckpointImport : public testing::Test {
 
   TemporaryFolder folder_;
   fs::path checkpoint_ = folder_.path() / "105000.ckpt";
-  Zero123ImportOptions options_{.dtype = Dtype::kF32, .config = TinyConfig()};
+  Zero123ImportOptions options_{.dtype = Dtype::kF32, .config = TinyZero123()};
 };
 
 TEST_F(CheckpointImport, TakesTheNeededTensorsOfAnOriginalCheckpoint) {

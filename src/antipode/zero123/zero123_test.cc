@@ -11,6 +11,7 @@
 #include "antipode/util/files.h"
 #include "antipode/weights/check.h"
 #include "antipode/zero123/checkpoint_import.h"
+#include "antipode/zero123/test_config.h"
 
 namespace antipode {
 namespace {
@@ -22,16 +23,8 @@ std::string Fingerprint(std::vector<std::string> lines) {
   return Sha256Hex(std::as_bytes(std::span(text)));
 }
 
-Zero123Config SmallConfig() {
-  Zero123Config config;
-  config.unet = {.base_width = 32, .multipliers = {1, 2}, .residual_blocks = 1, .attention_factors = {1, 2}, .heads = 4, .context_width = 32};
-  config.autoencoder = {.base_width = 32, .multipliers = {1, 1}, .residual_blocks = 1};
-  config.clip = {.width = 32, .layers = 1, .heads = 2, .patch = 8, .output_width = 32, .image_size = 32};
-  return config;
-}
-
 Zero123 SmallModel() {
-  Zero123 model(SmallConfig());
+  Zero123 model(TinyZero123());
   FillSynthetic(*model.unet);
   FillSynthetic(*model.autoencoder);
   FillSynthetic(*model.clip);
@@ -132,8 +125,8 @@ TEST(Zero123, RefusesImpossibleRequests) {
 }
 
 TEST(Zero123, TheConfigurationSurvivesTheMetadata) {
-  const Zero123Config config = Zero123Config::FromMetadata(SmallConfig().ToMetadata(), "x");
-  EXPECT_EQ(config.ToMetadata(), SmallConfig().ToMetadata());
+  const Zero123Config config = Zero123Config::FromMetadata(TinyZero123().ToMetadata(), "x");
+  EXPECT_EQ(config.ToMetadata(), TinyZero123().ToMetadata());
   EXPECT_EQ(Zero123Config::FromMetadata({}, "x").ToMetadata(), Zero123Config().ToMetadata());
   EXPECT_THROW(Zero123Config::FromMetadata({{"zero123_config", "{"}}, "x"), BadFile);
 }
