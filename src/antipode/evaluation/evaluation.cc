@@ -11,8 +11,8 @@
 #include "antipode/geometry/pose_metrics.h"
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
-#include "antipode/util/stopwatch.h"
 #include "antipode/util/seeds.h"
+#include "antipode/util/stopwatch.h"
 
 namespace antipode {
 namespace {

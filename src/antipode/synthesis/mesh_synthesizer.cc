@@ -10,7 +10,7 @@
 namespace antipode {
 namespace {
 
-constexpr double kSphereShare = 0.86;         // of the picture's side that the enclosing sphere spans
+constexpr double kSphereShare = 0.86;  // of the picture's side that the enclosing sphere spans
 
 Mesh Normalized(Mesh mesh) {
   mesh.Normalize();

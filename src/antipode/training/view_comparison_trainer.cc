@@ -1,6 +1,5 @@
 #include "antipode/training/view_comparison_trainer.h"
 
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <functional>
@@ -14,6 +13,7 @@
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
+#include "antipode/util/stopwatch.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -158,7 +158,7 @@ class Training {
     std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
     if (!options_.resume) log << "step,minutes,loss\n";
     torch::optim::AdamW optimizer(Trained(), torch::optim::AdamWOptions(options_.learning_rate).weight_decay(options_.weight_decay));
-    start_ = std::chrono::steady_clock::now();
+    stopwatch_ = {};
     ViewComparisonTrainingResult result;
     for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
       std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(first_step_ + result.steps)));
@@ -177,7 +177,7 @@ class Training {
   }
 
  private:
-  double Minutes() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count() / 60; }
+  double Minutes() const { return stopwatch_.Seconds() / 60; }
   double Fraction(std::int64_t steps) const {
     if (options_.iterations > 0) return static_cast<double>(steps) / options_.iterations;
     return Minutes() / options_.minutes;
@@ -250,7 +250,7 @@ class Training {
   const ProgressCallback& progress_;
   SharedBackbone backbone_;
   std::int64_t first_step_ = 0;
-  std::chrono::steady_clock::time_point start_;
+  Stopwatch stopwatch_;
 };
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "antipode/training/views_trainer.h"
 
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <numbers>
@@ -16,6 +15,7 @@
 #include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
+#include "antipode/util/stopwatch.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -45,7 +45,7 @@ class Trainer {
   }
 
   ViewsTrainingResult Run() {
-    start_ = std::chrono::steady_clock::now();
+    stopwatch_ = {};
     std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
     if (!options_.resume) log << "step,minutes,loss\n";
     ViewsTrainingResult result;
@@ -68,7 +68,7 @@ class Trainer {
   static constexpr int kShown = 20;
 
   double Minutes() const {
-    return minutes_before_ + std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count() / 60;
+    return minutes_before_ + stopwatch_.Seconds() / 60;
   }
   double Fraction() const {
     return options_.iterations > 0 ? static_cast<double>(step_) / options_.iterations : Minutes() / options_.minutes;
@@ -174,7 +174,7 @@ class Trainer {
   MovingAverage average_;
   std::int64_t step_ = 0;
   double minutes_before_ = 0;
-  std::chrono::steady_clock::time_point start_;
+  Stopwatch stopwatch_;
 };
 
 }  // namespace
