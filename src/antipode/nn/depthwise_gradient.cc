@@ -1,24 +1,16 @@
 #include "antipode/nn/depthwise_gradient.h"
 
 #include <algorithm>
-#include <cstring>
+
+#include "antipode/nn/float_pack.h"
 
 namespace antipode {
 namespace {
 
-constexpr int kLanes = 16;
-typedef float FloatPack __attribute__((vector_size(4 * kLanes)));
+using antipode::Load, antipode::Store;
+
 typedef std::uint32_t WordPack __attribute__((vector_size(4 * kLanes)));
 typedef std::uint16_t HalfPack __attribute__((vector_size(2 * kLanes)));
-
-// Built once for every instruction set; the loader picks the best one that the processor has.
-#define ANTIPODE_EVERY_PROCESSOR __attribute__((target_clones("avx512f", "avx2", "default")))
-#define ANTIPODE_INLINE inline __attribute__((always_inline))
-
-// Packs travel by reference: passing them by value would depend on the instruction set.
-ANTIPODE_INLINE void Load(const float* from, FloatPack& pack) {
-  std::memcpy(&pack, from, sizeof pack);
-}
 
 ANTIPODE_INLINE void Load(const BFloat16Bits* from, FloatPack& pack) {
   HalfPack half;
@@ -26,8 +18,6 @@ ANTIPODE_INLINE void Load(const BFloat16Bits* from, FloatPack& pack) {
   const WordPack words = __builtin_convertvector(half, WordPack) << 16;
   std::memcpy(&pack, &words, sizeof pack);
 }
-
-ANTIPODE_INLINE void Store(const FloatPack& pack, float* to) { std::memcpy(to, &pack, sizeof pack); }
 
 ANTIPODE_INLINE void Store(const FloatPack& pack, BFloat16Bits* to) {
   WordPack words;

@@ -4,6 +4,8 @@
 
 #include <ATen/CPUGeneratorImpl.h>
 
+#include "antipode/nn/winograd_convolution.h"
+
 namespace antipode {
 namespace {
 
@@ -29,6 +31,8 @@ ConvolutionImpl::ConvolutionImpl(std::int64_t inputs, std::int64_t outputs, cons
       options_(options) {}
 
 torch::Tensor ConvolutionImpl::forward(const torch::Tensor& x) const {
+  const bool is_plain = options_.kernel == 3 && options_.stride == 1 && options_.padding == 1;
+  if (is_plain && WinogradIsFaster(x, weight)) return WinogradConvolution(x, weight, bias);
   return at::conv2d(x, weight, bias, options_.stride, options_.padding);
 }
 

@@ -27,7 +27,7 @@ struct ConvolutionOptions {
   Bias bias = Bias::kWith;
 };
 
-/// Square kernel, zero padding, W [outputs, inputs, kernel, kernel].
+/// Square kernel, zero padding, W [outputs, inputs, kernel, kernel]. See winograd_convolution.h for the fast path.
 class ConvolutionImpl : public torch::nn::Module {
  public:
   ConvolutionImpl(std::int64_t inputs, std::int64_t outputs, const ConvolutionOptions& options = {});
