@@ -11,9 +11,9 @@
 #include "antipode/nn/device.h"
 #include "antipode/pose/two_view_pose.h"
 #include "antipode/render/renderer.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/version.h"
 #include "antipode/weights/registry.h"
 

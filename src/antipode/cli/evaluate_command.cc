@@ -14,9 +14,9 @@
 #include "antipode/geometry/pose_metrics.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
 

@@ -12,9 +12,9 @@
 #include "antipode/matching/loftr_weights.h"
 #include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/efficientnet_lite.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/quote.h"
 #include "antipode/util/suggest.h"
@@ -97,7 +97,7 @@ ImportedModel ImportZero123(const std::string& path, const ImportOptions& option
   Zero123ImportOptions zero123;
   zero123.dtype = DtypeFromName(options.precision.value_or("float16"));
   zero123.unet_weights = UnetWeightsFromName(options.weights.value_or("ordinary"));
-  return {OpenZero123Checkpoint(path, zero123), "Zero123: imagines an object in a picture from other viewpoints",
+  return {StoredForUse(OpenZero123Checkpoint(path, zero123)), "Zero123: imagines an object in a picture from other viewpoints",
           "as the authors' (not part of this program)",
           "Checkpoint that the authors of Zero-1-to-3 published (https://github.com/cvlab-columbia/zero123)."};
 }

@@ -7,8 +7,8 @@
 #include "antipode/cli/synthesis_request.h"
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/suggest.h"
 

@@ -10,8 +10,8 @@
 #include "antipode/image/load.h"
 #include "antipode/image/mask.h"
 #include "antipode/matching/depth_pose.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/quote.h"
 
 namespace antipode {

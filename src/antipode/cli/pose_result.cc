@@ -5,7 +5,7 @@
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/report/confidence_words.h"
-#include "antipode/report/formatted.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/version.h"
 
 namespace antipode {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <iostream>
 
-#include "antipode/report/formatted.h"
+#include "antipode/util/formatted.h"
 
 namespace antipode {
 namespace {

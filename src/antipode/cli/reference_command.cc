@@ -5,8 +5,8 @@
 #include "antipode/cli/photograph_input.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/cli/synthesis_request.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 
 namespace antipode {

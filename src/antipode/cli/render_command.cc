@@ -18,9 +18,9 @@
 #include "antipode/image/draw.h"
 #include "antipode/image/load.h"
 #include "antipode/render/renderer.h"
-#include "antipode/report/formatted.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 
 namespace antipode {

@@ -4,11 +4,11 @@
 
 #include "antipode/nn/device.h"
 #include "antipode/render/mesh.h"
-#include "antipode/report/formatted.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/synthesis/reference_picture.h"
 #include "antipode/synthesis/small_synthesizer.h"
 #include "antipode/util/error.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/quote.h"
 #include "antipode/weights/registry.h"
 
@@ -32,6 +32,7 @@ Zero123SynthesisOptions OptionsOf(const SynthesisRequest& request) {
   options.sampling = SamplingPreset(request.preset);
   options.sampling.seed = request.seed;
   options.batch = request.batch;
+  options.memory_limit_gb = request.memory_limit_gb;
   return options;
 }
 
@@ -55,6 +56,8 @@ void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const st
   in_group(app.add_option("--preset", preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()->type_name("NAME"));
   in_group(app.add_option(views_option, views, "Views of the object, on all sides")->capture_default_str()->type_name("N")->check(CLI::Range(8, 1024)));
   in_group(app.add_option("--batch", batch, "Views imagined at a time; memory grows with it")->capture_default_str()->type_name("N"));
+  in_group(app.add_option("--memory-limit", memory_limit_gb, "Imagine fewer views at a time where the program would need more memory; 0: no limit")
+               ->capture_default_str()->type_name("GB"));
   in_group(app.add_option("--elevation", elevation_deg, "Elevation of the reference camera above the object's horizon, degrees; without: estimated")
                ->type_name("DEG")->check(CLI::Range(-90.0, 90.0)));
   in_group(app.add_option("--in-plane-rotation", in_plane_rotation_deg, "How far the reference picture is turned clockwise, degrees; without: estimated")

@@ -26,11 +26,12 @@ struct SynthesisRequest {
   std::string model = "zero123";
   std::string preset = "fast";
   int views = 64, batch = 4;
+  double memory_limit_gb = 0;  ///< 0: none
   std::optional<double> elevation_deg, in_plane_rotation_deg;  ///< of the photograph; without: estimated
   std::uint64_t seed = 1;
   std::string device = "auto";
 
-  /// Declares --synthesizer, --mesh, --synthesis-model, --preset, --views, --batch, --elevation, --in-plane-rotation.
+  /// Declares --synthesizer, --mesh, --synthesis-model, --preset, --views, --batch, --memory-limit, --elevation, --in-plane-rotation.
   /// @param views_option what --views is called, where that means something else
   void Declare(CLI::App& app, const std::string& group = {}, const std::string& views_option = "--views");
   /// @throws InvalidOption if options are missing or do not fit together

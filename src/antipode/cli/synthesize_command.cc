@@ -70,13 +70,15 @@ class SynthesizeCommand : public Command {
     app.add_option("--guidance-scale", sampling_.guidance_scale, "1: no guidance")->type_name("X")->group(group);
     app.add_option("--eta", sampling_.eta, "Noise added by ddim, 0 to 1")->type_name("X")->group(group);
     app.add_option("--batch", batch_, "Views at a time; memory grows with it")->capture_default_str()->type_name("N")->group(group);
+    app.add_option("--memory-limit", memory_limit_gb_, "Take fewer views at a time than --batch where the program would need more memory; 0: "
+                   "no limit")->capture_default_str()->type_name("GB")->group(group);
     common_.Declare(app);
   }
 
   void Run() override {
     common_.Apply();
     const std::vector<ViewRequest> requests = Requests();
-    const Zero123SynthesisOptions options{sampling_.Resolve(common_.seed), batch_};
+    const Zero123SynthesisOptions options{sampling_.Resolve(common_.seed), batch_, memory_limit_gb_};
     options.Check();
     RequireModel();
     const PhotographInput input = LoadPhotograph(picture_, "image");
@@ -124,6 +126,7 @@ class SynthesizeCommand : public Command {
   std::string out_, model_ = "zero123";
   std::optional<double> elevation_deg_;
   int views_ = 32, batch_ = 4;
+  double memory_limit_gb_ = 0;
   std::vector<double> elevations_deg_, azimuths_deg_;
   SamplingRequest sampling_;
   CommonOptions common_;

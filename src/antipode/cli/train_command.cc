@@ -3,12 +3,12 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/progress_line.h"
-#include "antipode/report/formatted.h"
 #include "antipode/training/prior_trainer.h"
 #include "antipode/training/upright_trainer.h"
 #include "antipode/training/view_comparison_trainer.h"
 #include "antipode/training/views_trainer.h"
 #include "antipode/util/error.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/weights/registry.h"
 

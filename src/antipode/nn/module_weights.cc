@@ -40,6 +40,21 @@ std::map<std::string, torch::Tensor> TensorsOf(const torch::nn::Module& module) 
   return tensors;
 }
 
+bool CanReferTo(const LazyTensor& lazy, const torch::Tensor& parameter) {
+  const auto address = reinterpret_cast<std::uintptr_t>(lazy.mapped.bytes.data());
+  return lazy.mapped.file != nullptr && TorchDtype(lazy.dtype) == parameter.scalar_type() && parameter.device().is_cpu() &&
+         address % SizeOf(lazy.dtype) == 0;
+}
+
+torch::Tensor ReferTo(const LazyTensor& lazy) {
+  void* const values = const_cast<std::byte*>(lazy.mapped.bytes.data());  // from_blob takes no pointer to const
+  const auto keep = [file = lazy.mapped.file](void*) {};
+  const auto options = torch::dtype(TorchDtype(lazy.dtype));
+  if (lazy.mapped.layout == TensorLayout::kRowMajor) return torch::from_blob(values, lazy.shape, keep, options);
+  const std::int64_t channels = lazy.shape.at(1), height = lazy.shape.at(2), width = lazy.shape.at(3);
+  return torch::from_blob(values, lazy.shape, {channels * height * width, 1, channels * width, channels}, keep, options);
+}
+
 }  // namespace
 
 torch::Tensor ToTorch(const HostTensor& tensor) {
@@ -65,7 +80,13 @@ void LoadInto(torch::nn::Module& module, const LazyTensorFile& file, const std::
   CheckTensors(counted, expected, source);
   const torch::NoGradGuard no_gradient;
   for (const auto& [name, tensor] : targets) {
-    const HostTensor values = counted.tensors.at(name).read();
+    const LazyTensor& lazy = counted.tensors.at(name);
+    if (CanReferTo(lazy, tensor)) {
+      CheckFinite(lazy.mapped.bytes, lazy.dtype, name, source);
+      torch::Tensor(tensor).set_data(ReferTo(lazy));
+      continue;
+    }
+    const HostTensor values = lazy.read();
     CheckFinite(values, name, source);
     torch::Tensor(tensor).copy_(ToTorch(values));
   }

@@ -16,7 +16,8 @@ HostTensor FromTorch(const torch::Tensor& tensor);              ///< a copy, fro
 /// @throws BadFile listing all missing, extra and wrongly shaped tensors, or the ones that are not finite
 void LoadInto(torch::nn::Module& module, const TensorFile& file, const std::string& source);
 
-/// The same, tensor by tensor: the memory holds the module and one tensor.
+/// The same, tensor by tensor. On the CPU, parameters of the mapped values' own dtype refer to them and must not be
+/// trained: memory that the system can drop and share, and nothing is copied.
 void LoadInto(torch::nn::Module& module, const LazyTensorFile& file, const std::string& source);
 
 /// All parameters and floating-point buffers by name.

@@ -1,6 +1,7 @@
 #include "antipode/nn/winograd_convolution.h"
 
 #include <algorithm>
+#include <numbers>
 
 #include <ATen/Parallel.h>
 
@@ -36,21 +37,24 @@ struct Map {
   std::int64_t Tiles() const { return TilesAcross() * ((height + kTile - 1) / kTile); }
 };
 
-// The points 0, 1, -1, 2, -2 and infinity.
+// Polynomials are evaluated at 0, +-kNear, +-kFar and infinity: half the rounding error of 0, +-1, +-2.
+constexpr float kNear = std::numbers::sqrt2_v<float> / 2, kFar = std::numbers::sqrt2_v<float>;
+
 ANTIPODE_INLINE void TransformInput(const FloatPack (&d)[kPatch], FloatPack (&out)[kPatch]) {
-  const FloatPack even = d[4] - 4 * d[2], odd = d[3] - 4 * d[1], even2 = d[4] - d[2], odd2 = 2 * (d[3] - d[1]);
-  out[0] = 4 * d[0] - 5 * d[2] + d[4];
+  const FloatPack even = d[4] - 2 * d[2], odd = kNear * (d[3] - 2 * d[1]);
+  const FloatPack even2 = d[4] - 0.5f * d[2], odd2 = kFar * (d[3] - 0.5f * d[1]);
+  out[0] = d[0] - 2.5f * d[2] + d[4];
   out[1] = even + odd;
   out[2] = even - odd;
   out[3] = even2 + odd2;
   out[4] = even2 - odd2;
-  out[5] = 4 * d[1] - 5 * d[3] + d[5];
+  out[5] = d[1] - 2.5f * d[3] + d[5];
 }
 
 ANTIPODE_INLINE void TransformWeight(const FloatPack (&g)[3], FloatPack (&out)[kPatch]) {
-  const FloatPack even = (g[0] + g[2]) * (-1.0f / 6), odd = g[1] * (-1.0f / 6);
-  const FloatPack even2 = g[0] * (1.0f / 24) + g[2] * (1.0f / 6), odd2 = g[1] * (1.0f / 12);
-  out[0] = g[0] * 0.25f;
+  const FloatPack even = (g[0] + 0.5f * g[2]) * (-2.0f / 3), odd = g[1] * (-2 * kNear / 3);
+  const FloatPack even2 = (g[0] + 2 * g[2]) * (1.0f / 6), odd2 = g[1] * (kFar / 6);
+  out[0] = g[0];
   out[1] = even + odd;
   out[2] = even - odd;
   out[3] = even2 + odd2;
@@ -59,11 +63,11 @@ ANTIPODE_INLINE void TransformWeight(const FloatPack (&g)[3], FloatPack (&out)[k
 }
 
 ANTIPODE_INLINE void TransformOutput(const FloatPack (&m)[kPatch], FloatPack (&out)[kTile]) {
-  const FloatPack even = m[1] + m[2], odd = m[1] - m[2], even2 = m[3] + m[4], odd2 = m[3] - m[4];
+  const FloatPack even = m[1] + m[2], odd = kNear * (m[1] - m[2]), even2 = m[3] + m[4], odd2 = kFar * (m[3] - m[4]);
   out[0] = m[0] + even + even2;
-  out[1] = odd + 2 * odd2;
-  out[2] = even + 4 * even2;
-  out[3] = odd + 8 * odd2 + m[5];
+  out[1] = odd + odd2;
+  out[2] = 0.5f * even + 2 * even2;
+  out[3] = 0.5f * odd + 2 * odd2 + m[5];
 }
 
 /// Tiles first..last - 1 of all images; the planes start with tile `base`.

@@ -12,7 +12,7 @@ bool WinogradIsFaster(const torch::Tensor& x, const torch::Tensor& weight);
 
 /// The convolution with a quarter of the multiplications (Lavin and Gray, "Fast Algorithms for Convolutional Neural
 /// Networks", CVPR 2016, F(4 x 4, 3 x 3)): y = A^T [sum_c (G g G^T) * (B^T d B)] A for every tile of 4 x 4 pixels. Exact
-/// but for rounding, whose error is about three times that of the direct sum. Weights are transformed anew in every
+/// but for rounding, whose error is about twice that of the direct sum. Weights are transformed anew in every
 /// call: kept, they would be four times as large as they are.
 ///
 /// @param x [B, C, H, W], channels last

@@ -4,7 +4,7 @@
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/image/draw.h"
-#include "antipode/report/formatted.h"
+#include "antipode/util/formatted.h"
 
 namespace antipode {
 namespace {

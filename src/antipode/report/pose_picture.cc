@@ -8,7 +8,7 @@
 #include "antipode/geometry/rotation.h"
 #include "antipode/image/draw.h"
 #include "antipode/report/confidence_words.h"
-#include "antipode/report/formatted.h"
+#include "antipode/util/formatted.h"
 
 namespace antipode {
 namespace {

@@ -178,14 +178,17 @@ std::filesystem::path SaveSmallModel(const std::filesystem::path& folder) {
   return folder / "small";
 }
 
+Zero123SynthesisOptions TwoSteps(int batch, double memory_limit_gb = 0) {
+  return {.sampling = {.solver = Solver::kDpmSolverPlusPlus, .steps = 2, .eta = 0}, .batch = batch, .memory_limit_gb = memory_limit_gb};
+}
+
 TEST(Zero123Synthesizer, MakesThePicturesAskedForWhateverTheBatch) {
   const TemporaryFolder temporary;
   const std::string model = SaveSmallModel(temporary.path()).string();
   const auto requests = RequestPredefinedViews(3, 0);
   std::vector<std::vector<cv::Mat>> runs;
   for (const int batch : {1, 3}) {
-    const Zero123SynthesisOptions options{.sampling = {.solver = Solver::kDpmSolverPlusPlus, .steps = 2, .eta = 0}, .batch = batch};
-    const Zero123Synthesizer synthesizer(model, PictureWithSquare(48), options);
+    const Zero123Synthesizer synthesizer(model, PictureWithSquare(48), TwoSteps(batch));
     runs.emplace_back();
     synthesizer.Synthesize(requests, [&](const SynthesizedView& view) { runs.back().push_back(view.image); });
   }
@@ -195,6 +198,24 @@ TEST(Zero123Synthesizer, MakesThePicturesAskedForWhateverTheBatch) {
     EXPECT_LE(cv::norm(runs[0][i], runs[1][i], cv::NORM_INF), 1);
   }
   EXPECT_GT(cv::norm(runs[0][0], runs[0][1], cv::NORM_L1), 1000);
+}
+
+TEST(Zero123Synthesizer, TakesAsManyViewsAtATimeAsTheMemoryHolds) {
+  const TemporaryFolder temporary;
+  const std::string model = SaveSmallModel(temporary.path()).string();
+  const auto requests = RequestPredefinedViews(3, 0);
+  const Zero123 loaded = Zero123::Load(model);
+  EXPECT_LT(MemoryForViews(loaded, 1), MemoryForViews(loaded, 2));
+  const auto steps_with = [&](double limit_gb) {
+    std::int64_t steps = 0;
+    Zero123Synthesizer(model, PictureWithSquare(48), TwoSteps(3, limit_gb))
+        .Synthesize(requests, [](const SynthesizedView&) {}, [&](const Progress& progress) { steps = std::max(steps, progress.total); });
+    return steps;
+  };
+  const std::int64_t at_once = steps_with(1e-9 * MemoryForViews(loaded, 3));
+  EXPECT_EQ(steps_with(0), at_once);
+  EXPECT_EQ(steps_with(1e-9 * MemoryForViews(loaded, 1)), 3 * at_once) << "one view at a time";
+  EXPECT_THROW(steps_with(0.9e-9 * MemoryForViews(loaded, 1)), Error);
 }
 
 }  // namespace

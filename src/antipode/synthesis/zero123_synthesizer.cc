@@ -9,6 +9,7 @@
 #include "antipode/image/load.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/formatted.h"
 #include "antipode/weights/registry.h"
 #include "antipode/zero123/picture.h"
 
@@ -35,6 +36,18 @@ std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& mo
 void Zero123SynthesisOptions::Check() const {
   sampling.Check();
   if (batch < 1 || batch > 256) throw InvalidOption("batch", "is " + std::to_string(batch), "use 1 to 256");
+  if (!(memory_limit_gb >= 0)) throw InvalidOption("memory_limit", "is not a positive number of gigabytes");
+}
+
+double MemoryForViews(const Zero123& model, int views) {
+  constexpr double kBeside = 0.7e9;  // program, libraries, one picture's decoding
+  constexpr double kMaps = 60;       // feature maps of the first level that both halves of one view keep at a time
+  constexpr double kLatentPixels = 32 * 32;
+  double weights = 0;
+  for (const torch::nn::Module* const module : std::initializer_list<const torch::nn::Module*>{
+           &*model.unet, &*model.autoencoder, &*model.clip, &*model.projection})
+    for (const torch::Tensor& parameter : module->parameters()) weights += static_cast<double>(parameter.nbytes());
+  return weights + kBeside + views * kMaps * sizeof(float) * kLatentPixels * static_cast<double>(model.unet->config().base_width);
 }
 
 struct Zero123Synthesizer::Loaded {
@@ -60,6 +73,15 @@ const Zero123Synthesizer::Loaded& Zero123Synthesizer::Load() const {
   return *loaded_;
 }
 
+std::size_t Zero123Synthesizer::BatchFor(const Zero123& model) const {
+  if (options_.memory_limit_gb == 0) return static_cast<std::size_t>(options_.batch);
+  const auto gigabytes = [&](int views) { return 1e-9 * MemoryForViews(model, views); };
+  for (int views = options_.batch; views > 0; --views)
+    if (gigabytes(views) <= options_.memory_limit_gb) return static_cast<std::size_t>(views);
+  throw Error("memory limit", Formatted("of %.1f GB is below the %.1f GB that one view at a time needs", options_.memory_limit_gb, gigabytes(1)),
+              "raise --memory-limit");
+}
+
 std::vector<cv::Mat> Zero123Synthesizer::Imagine(std::span<const ViewRequest> requests, const ProgressCallback& progress) const {
   const torch::InferenceMode inference;
   std::vector<RelativeView> viewpoints;
@@ -80,8 +102,9 @@ void Zero123Synthesizer::Synthesize(std::span<const ViewRequest> requests, const
                                     const ProgressCallback& progress) const {
   if (requests.empty()) return;
   if (progress) progress({"loading the model", 0, 0, {}});
-  const auto evaluations = static_cast<std::int64_t>(TimesOf(options_.sampling, Load().model.schedule).times.size());
-  const auto batch = static_cast<std::size_t>(options_.batch);
+  const Zero123& model = Load().model;
+  const auto evaluations = static_cast<std::int64_t>(TimesOf(options_.sampling, model.schedule).times.size());
+  const std::size_t batch = BatchFor(model);
   const auto batches = static_cast<std::int64_t>((requests.size() + batch - 1) / batch);
   for (std::size_t first = 0; first < requests.size(); first += batch) {
     const auto some = requests.subspan(first, std::min(batch, requests.size() - first));

@@ -16,8 +16,13 @@ namespace antipode {
 struct Zero123SynthesisOptions {
   Zero123Options sampling;
   int batch = 4;  ///< views at a time; memory grows with it
+  double memory_limit_gb = 0;  ///< so much memory in all, 10^9 bytes: the batch is made smaller; 0: no limit
   void Check() const;
 };
+
+/// What the program needs to imagine so many views of 256 pixels at a time, bytes: the weights, the activations of the denoiser,
+/// and what one picture's decoding takes. Not below what was measured for 1 to 16 views, and at most 0.2 GB above.
+double MemoryForViews(const Zero123& model, int views);
 
 /// Hash of all that decides imagined views but the requests.
 std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options);
@@ -47,6 +52,8 @@ class Zero123Synthesizer : public ViewSynthesizer {
 
  private:
   struct Loaded;
+  /// The batch that the options and the memory allow. @throws Error if not even one view fits
+  std::size_t BatchFor(const Zero123& model) const;
   const Loaded& Load() const;
   std::vector<cv::Mat> Imagine(std::span<const ViewRequest> requests, const ProgressCallback& progress) const;
 

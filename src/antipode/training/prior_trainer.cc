@@ -137,7 +137,7 @@ class Trainer {
       throw BadFile(path.string(), "there is no checkpoint to resume from", "leave out --resume to start anew");
     const TensorFile file = SafetensorsReader(path).ReadAll();
     if (file.metadata.at("encoder") != Describe())
-      throw BadFile(path.string(), "was made with other options", "resume with the options it was started with");
+      throw BadFile(path.string(), "is of an encoder of another shape", "resume with the options it was started with");
     Prepare();
     RestoreTrainingState(file, *encoder_, average_, *optimizer_);
     step_ = std::stoll(file.metadata.at("step"));
@@ -180,11 +180,11 @@ class Trainer {
   }
   bool BackboneIsFrozen() const { return step_ < FrozenSteps(); }
 
+  /// Of the encoder. Data, seed and batch may change between runs.
   std::string Describe() const {
     std::string text;
     for (const auto& [key, value] : options_.encoder.ToMetadata()) text += key + "=" + value + ";";
-    return text + "seed=" + std::to_string(options_.seed) + ";batch=" + std::to_string(options_.objects_per_step) +
-           "x" + std::to_string(options_.views_per_object);
+    return text;
   }
 
   double LearningRateFactor() const {

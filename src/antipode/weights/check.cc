@@ -1,7 +1,6 @@
 #include "antipode/weights/check.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "antipode/util/error.h"
 #include "antipode/util/quote.h"
@@ -37,17 +36,21 @@ bool AllBelowExponent(std::span<const Bits> values, Bits exponent) {
                       [exponent](Bits bits) { return (bits & exponent) == exponent; });
 }
 
-bool IsFinite(const HostTensor& tensor) {
-  const auto is_finite = [](auto value) { return std::isfinite(value); };
-  switch (tensor.dtype) {
+template <typename T>
+std::span<const T> As(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const T*>(bytes.data()), bytes.size() / sizeof(T)};
+}
+
+bool IsFinite(std::span<const std::byte> bytes, Dtype dtype) {
+  switch (dtype) {
     case Dtype::kF64:
-      return std::ranges::all_of(tensor.As<double>(), is_finite);
+      return AllBelowExponent<std::uint64_t>(As<std::uint64_t>(bytes), 0x7ff0'0000'0000'0000);
     case Dtype::kF32:
-      return std::ranges::all_of(tensor.As<float>(), is_finite);
+      return AllBelowExponent<std::uint32_t>(As<std::uint32_t>(bytes), 0x7f80'0000);
     case Dtype::kF16:
-      return AllBelowExponent<std::uint16_t>(tensor.As<std::uint16_t>(), 0x7c00);
+      return AllBelowExponent<std::uint16_t>(As<std::uint16_t>(bytes), 0x7c00);
     case Dtype::kBF16:
-      return AllBelowExponent<std::uint16_t>(tensor.As<std::uint16_t>(), 0x7f80);
+      return AllBelowExponent<std::uint16_t>(As<std::uint16_t>(bytes), 0x7f80);
     default:
       return true;
   }
@@ -83,7 +86,11 @@ void CheckFinite(const TensorFile& file, const std::string& file_name) {
 }
 
 void CheckFinite(const HostTensor& tensor, const std::string& name, const std::string& file_name) {
-  if (IsFinite(tensor)) return;
+  CheckFinite(tensor.data, tensor.dtype, name, file_name);
+}
+
+void CheckFinite(std::span<const std::byte> values, Dtype dtype, const std::string& name, const std::string& file_name) {
+  if (IsFinite(values, dtype)) return;
   throw BadFile(file_name, "tensor " + Quoted(name) + " has a value that is not finite",
                 "get the file again or repeat the training");
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ void CheckTensors(const LazyTensorFile& file, const std::map<std::string, Tensor
 /// @throws BadFile naming `file_name` and the first tensor with a value that is NaN or infinite
 void CheckFinite(const TensorFile& file, const std::string& file_name);
 void CheckFinite(const HostTensor& tensor, const std::string& name, const std::string& file_name);
+void CheckFinite(std::span<const std::byte> values, Dtype dtype, const std::string& name, const std::string& file_name);
 
 /// "[2, 3]".
 std::string ShapeText(const TensorShape& shape);

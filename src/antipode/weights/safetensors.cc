@@ -415,6 +415,19 @@ HostTensor FromBytes(Dtype dtype, std::vector<std::int64_t> shape, std::span<con
   return {dtype, std::move(shape), {bytes.begin(), bytes.end()}};
 }
 
+/// Of each of the `shape[0]` matrices of `rows` x `columns`, the transpose.
+HostTensor Transposed(const HostTensor& tensor, const std::vector<std::int64_t>& shape, std::int64_t rows, std::int64_t columns) {
+  HostTensor result{tensor.dtype, shape, std::vector<std::byte>(tensor.data.size())};
+  const auto size = static_cast<std::int64_t>(SizeOf(tensor.dtype));
+  for (std::int64_t matrix = 0; matrix < shape.front(); ++matrix) {
+    const std::byte* const from = tensor.data.data() + matrix * rows * columns * size;
+    std::byte* const to = result.data.data() + matrix * rows * columns * size;
+    for (std::int64_t r = 0; r < rows; ++r)
+      for (std::int64_t c = 0; c < columns; ++c) std::memcpy(to + (c * rows + r) * size, from + (r * columns + c) * size, static_cast<std::size_t>(size));
+  }
+  return result;
+}
+
 }  // namespace
 
 HostTensor HostTensor::FromFloat(std::vector<std::int64_t> shape, std::span<const float> values) {
@@ -497,14 +510,21 @@ SafetensorsReader::SafetensorsReader(std::filesystem::path path) : path_(std::mo
   metadata_ = std::move(header.metadata);
 }
 
-HostTensor SafetensorsReader::Read(const std::string& name) const {
+const TensorInfo& SafetensorsReader::Find(const std::string& name) const {
   const auto found = infos_.find(name);
-  if (found == infos_.end()) {
-    throw BadFile(path_.string(), "has no tensor " + Quoted(name),
-                  "give a file for this kind of model");
-  }
+  if (found != infos_.end()) return found->second;
+  throw BadFile(path_.string(), "has no tensor " + Quoted(name), "give a file for this kind of model");
+}
+
+HostTensor SafetensorsReader::Read(const std::string& name) const {
+  const TensorInfo& info = Find(name);
   std::ifstream stream = Open(path_);
-  return ReadTensor(stream, path_, found->second, data_offset_);
+  return ReadTensor(stream, path_, info, data_offset_);
+}
+
+std::span<const std::byte> SafetensorsReader::BytesIn(const MemoryMap& file, const std::string& name) const {
+  const TensorInfo& info = Find(name);
+  return file.bytes().subspan(data_offset_ + info.begin, info.end - info.begin);
 }
 
 TensorFile SafetensorsReader::ReadAll() const {
@@ -559,9 +579,30 @@ LazyTensorFile LazyCopyOf(TensorFile file) {
 LazyTensorFile OpenSafetensors(const std::filesystem::path& path) {
   const auto reader = std::make_shared<const SafetensorsReader>(path);
   LazyTensorFile file{{}, reader->metadata()};
+  const auto map = std::make_shared<const MemoryMap>(path);
   for (const auto& [name, info] : reader->tensors())
-    file.tensors[name] = {info.dtype, info.shape, [reader, name = name] { return reader->Read(name); }};
+    file.tensors[name] = {info.dtype, info.shape, [reader, name = name] { return reader->Read(name); },
+                          {map, reader->BytesIn(*map, name)}};
   return file;
+}
+
+LazyTensor ToChannelsLast(const LazyTensor& tensor) {
+  const std::int64_t outputs = tensor.shape.at(0), channels = tensor.shape.at(1), height = tensor.shape.at(2), width = tensor.shape.at(3);
+  const std::vector<std::int64_t> shape{outputs, height, width, channels};
+  return {tensor.dtype, shape, [read = tensor.read, shape, channels, area = height * width] {
+            return Transposed(read(), shape, channels, area);
+          }};
+}
+
+LazyTensor FromChannelsLast(const LazyTensor& tensor) {
+  const std::int64_t outputs = tensor.shape.at(0), height = tensor.shape.at(1), width = tensor.shape.at(2), channels = tensor.shape.at(3);
+  const std::vector<std::int64_t> shape{outputs, channels, height, width};
+  LazyTensor result{tensor.dtype, shape, [read = tensor.read, shape, channels, area = height * width] {
+                      return Transposed(read(), shape, area, channels);
+                    }};
+  result.mapped = tensor.mapped;
+  result.mapped.layout = TensorLayout::kChannelsLast;
+  return result;
 }
 
 }  // namespace antipode

@@ -5,9 +5,12 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
+
+#include "antipode/util/memory_map.h"
 
 namespace antipode {
 
@@ -38,12 +41,29 @@ struct HostTensor {
 /// @throws Error if either dtype is not a floating one
 HostTensor ConvertTo(const HostTensor& tensor, Dtype dtype);
 
+enum class TensorLayout {
+  kRowMajor,
+  kChannelsLast,  ///< a tensor [K, C, h, w] stored as [K, h, w, C]
+};
+
+/// Values of a mapped file as they are stored, which keep it mapped.
+struct MappedValues {
+  std::shared_ptr<const MemoryMap> file;  ///< null: there are none
+  std::span<const std::byte> bytes;
+  TensorLayout layout = TensorLayout::kRowMajor;
+};
+
 /// Tensors that are read when they are needed: files may be larger than the memory.
 struct LazyTensor {
   Dtype dtype = Dtype::kF32;
   std::vector<std::int64_t> shape;
   std::function<HostTensor()> read;
+  MappedValues mapped = {};  ///< the same values without a copy
 };
+
+/// [K, C, h, w] as [K, h, w, C], and back; the latter keeps what is mapped.
+LazyTensor ToChannelsLast(const LazyTensor& tensor);
+LazyTensor FromChannelsLast(const LazyTensor& tensor);
 
 struct LazyTensorFile {
   std::map<std::string, LazyTensor> tensors;
@@ -74,9 +94,13 @@ class SafetensorsReader {
   const std::map<std::string, TensorInfo>& tensors() const { return infos_; }
   const std::map<std::string, std::string>& metadata() const { return metadata_; }
   HostTensor Read(const std::string& name) const;  ///< @throws BadFile if it is not there
+  /// The bytes of a tensor in the file. @throws BadFile if it is not there
+  std::span<const std::byte> BytesIn(const MemoryMap& file, const std::string& name) const;
   TensorFile ReadAll() const;
 
  private:
+  const TensorInfo& Find(const std::string& name) const;
+
   std::filesystem::path path_;
   std::uint64_t data_offset_ = 0;
   std::map<std::string, TensorInfo> infos_;
@@ -88,7 +112,7 @@ LazyTensorFile LazyViewOf(const TensorFile& file);
 /// Keeps the tensors in memory.
 LazyTensorFile LazyCopyOf(TensorFile file);
 
-/// The tensors of a safetensors file.
+/// The tensors of a safetensors file, mapped into memory.
 LazyTensorFile OpenSafetensors(const std::filesystem::path& path);
 
 /// Writes to a temporary file beside `path`, then renames. Tensors are stored in name order; lazy ones are read

@@ -30,6 +30,22 @@ LazyTensorFile Part(const LazyTensorFile& file, const std::string& prefix) {
 }
 
 constexpr char kConfigKey[] = "zero123_config";
+constexpr char kLayoutKey[] = "denoiser_convolutions", kChannelsLast[] = "channels last";
+
+bool IsDenoisersConvolution(const std::string& name, const LazyTensor& tensor) {
+  return name.starts_with("unet.") && tensor.shape.size() == 4;
+}
+
+LazyTensorFile OpenWeights(const std::string& model_or_folder) {
+  LazyTensorFile file = OpenModel(model_or_folder);
+  const auto layout = file.metadata.find(kLayoutKey);
+  if (layout == file.metadata.end()) return file;
+  if (layout->second != kChannelsLast)
+    throw BadFile(model_or_folder, "stores its convolutions in an unknown way", "import the model again");
+  for (auto& [name, tensor] : file.tensors)
+    if (IsDenoisersConvolution(name, tensor)) tensor = FromChannelsLast(tensor);
+  return file;
+}
 
 /// Calls `field(name, value)` for every number or list of numbers of the configuration.
 template <typename Config, typename Field>
@@ -102,7 +118,7 @@ Zero123Config Zero123Config::FromMetadata(const std::map<std::string, std::strin
 }
 
 Zero123 Zero123::Load(const std::string& model_or_folder, torch::Device device) {
-  const LazyTensorFile file = OpenModel(model_or_folder);
+  const LazyTensorFile file = OpenWeights(model_or_folder);
   Zero123 model(Zero123Config::FromMetadata(file.metadata, model_or_folder));
   LoadInto(*model.unet, Part(file, "unet."), model_or_folder);
   LoadInto(*model.autoencoder, Part(file, "autoencoder."), model_or_folder);
@@ -112,6 +128,13 @@ Zero123 Zero123::Load(const std::string& model_or_folder, torch::Device device) 
     module->to(device);
   UseChannelsLast(*model.unet);
   return model;
+}
+
+LazyTensorFile StoredForUse(LazyTensorFile file) {
+  file.metadata[kLayoutKey] = kChannelsLast;
+  for (auto& [name, tensor] : file.tensors)
+    if (IsDenoisersConvolution(name, tensor)) tensor = ToChannelsLast(tensor);
+  return file;
 }
 
 PictureConditioning Zero123::Condition(const torch::Tensor& picture) const {

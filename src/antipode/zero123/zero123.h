@@ -9,6 +9,7 @@
 #include <torch/torch.h>
 
 #include "antipode/util/progress.h"
+#include "antipode/weights/safetensors.h"
 #include "antipode/zero123/autoencoder.h"
 #include "antipode/zero123/clip_image_tower.h"
 #include "antipode/zero123/noise_schedule.h"
@@ -91,6 +92,10 @@ class Zero123 {
   PoseProjection projection;
   NoiseSchedule schedule;
 };
+
+/// The weights of a model with the denoiser's convolutions stored pixel by pixel ("channels last"), which the metadata
+/// say: so they can be used where they are mapped. `Zero123::Load` reads both layouts.
+LazyTensorFile StoredForUse(LazyTensorFile file);
 
 /// The times that the options ask the denoiser at, and where the last step ends.
 SamplerInput TimesOf(const Zero123Options& options, const NoiseSchedule& schedule);

@@ -6,10 +6,13 @@
 
 #include <gtest/gtest.h>
 
+#include "antipode/nn/module_weights.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/util/temporary_folder.h"
 #include "antipode/weights/check.h"
+#include "antipode/weights/registry.h"
 #include "antipode/zero123/checkpoint_import.h"
 #include "antipode/zero123/test_config.h"
 
@@ -62,6 +65,57 @@ TEST(Zero123, AttendingToOneTokenIsAConstant) {
   const auto general = model.unet->forward(x, time, model.unet->Prepare(tokens, ContextPath::kGeneral));
   EXPECT_LT((constant - general).abs().max().item<double>(), 1e-5);
   EXPECT_GT((constant - model.unet->forward(x, time, model.unet->Prepare(0 * tokens))).abs().max().item<double>(), 1e-3);
+}
+
+TensorFile AllWeightsOf(const Zero123& model) {
+  TensorFile file{{}, TinyZero123().ToMetadata()};
+  const auto add = [&](const std::string& part, const torch::nn::Module& module) {
+    for (auto& [name, tensor] : WeightsOf(module).tensors) file.tensors[part + name] = std::move(tensor);
+  };
+  add("unet.", *model.unet);
+  add("autoencoder.", *model.autoencoder);
+  add("clip.", *model.clip);
+  add("projection.", *model.projection);
+  return file;
+}
+
+TEST(Zero123, ComesBackFromDiskInEitherLayoutAndPrecision) {
+  const torch::InferenceMode inference;
+  const TemporaryFolder folder;
+  const Zero123 model = SmallModel();
+  const TensorFile weights = AllWeightsOf(model);
+  TensorFile half = weights;
+  for (auto& [name, tensor] : half.tensors) tensor = ConvertTo(tensor, Dtype::kF16);
+  SaveModel(folder.path(), "rows", weights, "", "", "");
+  SaveModel(folder.path(), "channels_last", StoredForUse(LazyViewOf(weights)), "", "", "");
+  SaveModel(folder.path(), "half", StoredForUse(LazyViewOf(half)), "", "", "");
+  for (const auto& [name, tolerance] : {std::pair{"rows", 0.0}, {"channels_last", 0.0}, {"half", 1e-3}}) {
+    const Zero123 loaded = Zero123::Load((folder.path() / name).string());
+    const auto expected = model.unet->named_parameters();
+    for (const auto& item : loaded.unet->named_parameters())
+      ASSERT_LE((item.value() - expected[item.key()]).abs().max().item<double>(), tolerance) << name << " " << item.key();
+  }
+}
+
+TEST(Zero123, UsesTheWeightsWhereTheyAreMapped) {
+  const torch::InferenceMode inference;
+  const TemporaryFolder folder;
+  const TensorFile weights = AllWeightsOf(SmallModel());
+  SaveModel(folder.path(), "small", StoredForUse(LazyViewOf(weights)), "", "", "");
+  const LazyTensorFile file = OpenSafetensors(folder.path() / "small" / "model.safetensors");
+  const LazyTensor convolution = FromChannelsLast(file.tensors.at("unet.out.2.weight"));
+  Convolution layer(32, 4);
+  LoadInto(*layer, LazyTensorFile{{{"weight", convolution}, {"bias", file.tensors.at("unet.out.2.bias")}}, {}}, "test");
+  EXPECT_EQ(layer->weight.data_ptr(), convolution.mapped.bytes.data());
+  EXPECT_TRUE(layer->weight.is_contiguous(at::MemoryFormat::ChannelsLast));
+}
+
+TEST(Zero123, RefusesAnUnknownLayout) {
+  const TemporaryFolder folder;
+  TensorFile weights = AllWeightsOf(SmallModel());
+  weights.metadata["denoiser_convolutions"] = "spiral";
+  SaveModel(folder.path(), "small", weights, "", "", "");
+  EXPECT_THROW(Zero123::Load((folder.path() / "small").string()), BadFile);
 }
 
 TEST(Zero123, TheLayoutOfTheWeightsChangesNothing) {

@@ -1,4 +1,4 @@
-#include "antipode/report/formatted.h"
+#include "antipode/util/formatted.h"
 
 #include <algorithm>
 #include <cstdarg>
