@@ -1,7 +1,9 @@
 #include "antipode/cli/pose_methods.h"
 
 #include <algorithm>
+#include <exception>
 #include <future>
+#include <optional>
 #include <sstream>
 
 #include "antipode/evaluation/baselines.h"
@@ -9,6 +11,7 @@
 #include "antipode/matching/matchers.h"
 #include "antipode/nn/device.h"
 #include "antipode/pose/object_pose.h"
+#include "antipode/pose/two_way.h"
 #include "antipode/prior/object_prior.h"
 #include "antipode/util/error.h"
 #include "antipode/util/formatted.h"
@@ -130,6 +133,32 @@ PoseMethod DiffusionMethod(const MethodRequest& request) {
   return {"diffusion", [route](const PairToEstimate& pair) { return route->Estimate(pair); }};
 }
 
+PoseMethod InBothDirections(PoseMethod method) {
+  const auto estimate = method.estimate;
+  method.estimate = [estimate](const PairToEstimate& pair) {
+    const PairToEstimate swapped{pair.object, pair.query, pair.reference};
+    std::optional<TwoViewPose> forward, backward;
+    std::exception_ptr failure;
+    const auto attempt = [&](const PairToEstimate& direction, std::optional<TwoViewPose>& pose) {
+      try {
+        pose = estimate(direction);
+      } catch (const Interrupted&) {
+        throw;
+      } catch (const Error&) {
+        failure = std::current_exception();
+      }
+    };
+    attempt(pair, forward);
+    attempt(swapped, backward);
+    if (forward && backward) return Reconcile(std::move(*forward), Swapped(std::move(*backward)));
+    if (!forward && !backward) std::rethrow_exception(failure);
+    TwoViewPose pose = forward ? std::move(*forward) : Swapped(std::move(*backward));
+    pose.warnings.emplace_back("only one of the two directions gave a pose");
+    return pose;
+  };
+  return method;
+}
+
 std::vector<std::string> MethodNames() {
   std::vector<std::string> names{"auto", "prior", "matching", "diffusion"};
   const std::vector<std::string> matchers = MatcherNames();
@@ -149,21 +178,7 @@ bool IsMatcher(const std::string& name) {
                       nearest.empty() ? "use one of " + JoinNames(names) : "did you mean " + nearest + "?");
 }
 
-}  // namespace
-
-void MethodRequest::Declare(CLI::App& app) {
-  app.add_option("--method", method,
-                 "auto: prior and matching together; prior: what the object looks like from all sides; matching: "
-                 "only what both pictures show; diffusion: posed views of the object, imagined or rendered")
-      ->capture_default_str()->type_name("NAME");
-  app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
-      ->capture_default_str()->type_name("NAME|FOLDER");
-  app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
-  synthesis.Declare(app, "For --method diffusion", "--reference-views");
-  comparison.Declare(app, "For --method diffusion");
-}
-
-PoseMethod LoadPoseMethod(const MethodRequest& request) {
+PoseMethod LoadOneWay(const MethodRequest& request) {
   const std::string& name = request.method;
   if (name == "auto") return AutoMethod(request);
   if (name == "prior") return PriorMethod(request);
@@ -176,6 +191,26 @@ PoseMethod LoadPoseMethod(const MethodRequest& request) {
     if (name.ends_with(suffix) && IsMatcher(matcher)) return DepthBaseline(name, LoadMatcher(matcher, request), solver);
   }
   RefuseMethod(name);
+}
+
+}  // namespace
+
+void MethodRequest::Declare(CLI::App& app) {
+  app.add_option("--method", method,
+                 "auto: prior and matching together; prior: what the object looks like from all sides; matching: "
+                 "only what both pictures show; diffusion: posed views of the object, imagined or rendered")
+      ->capture_default_str()->type_name("NAME");
+  app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
+      ->capture_default_str()->type_name("NAME|FOLDER");
+  app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
+  app.add_flag("--two-way", two_way, "Estimate with the photographs swapped, too, and reconcile both; takes twice as long");
+  synthesis.Declare(app, "For --method diffusion", "--reference-views");
+  comparison.Declare(app, "For --method diffusion");
+}
+
+PoseMethod LoadPoseMethod(const MethodRequest& request) {
+  PoseMethod method = LoadOneWay(request);
+  return request.two_way ? InBothDirections(std::move(method)) : method;
 }
 
 std::vector<PoseMethod> LoadPoseMethods(const MethodRequest& request) {

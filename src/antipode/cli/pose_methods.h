@@ -19,13 +19,14 @@ struct MethodRequest {
   std::string matcher = "xfeat-lighterglue";
   std::string device = "auto";
   TwoViewPoseOptions options;
+  bool two_way = false;                ///< also with the photographs swapped, see Reconcile
   SynthesisRequest synthesis;          ///< for "diffusion"
   ViewComparisonRequest comparison;
   /// Folder of data set objects that are their own meshes: for "diffusion" with the synthesiser "mesh".
   std::filesystem::path object_meshes;
   ProgressCallback progress = {};      ///< of making views
 
-  /// Declares --method, --model, --matcher and the options of the synthesis.
+  /// Declares --method, --model, --matcher, --two-way and the options of the synthesis.
   void Declare(CLI::App& app);
 };
 

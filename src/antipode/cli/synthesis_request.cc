@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "antipode/nn/device.h"
+#include "antipode/nn/precision.h"
 #include "antipode/render/mesh.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/synthesis/reference_picture.h"
@@ -32,6 +33,7 @@ Zero123SynthesisOptions OptionsOf(const SynthesisRequest& request) {
   options.sampling = SamplingPreset(request.preset);
   options.sampling.seed = request.seed;
   options.batch = request.batch;
+  options.precision = PrecisionOf(request.precision, request.preset);
   options.memory_limit_gb = request.memory_limit_gb;
   return options;
 }
@@ -44,6 +46,13 @@ Zero123Options SamplingPreset(const std::string& name) {
   throw InvalidOption("--preset", Quoted(name) + " is unknown", "use fast or paper");
 }
 
+DenoiserPrecision PrecisionOf(const std::string& name, const std::string& preset) {
+  if (name == "float32") return DenoiserPrecision::kFloat32;
+  if (name == "bfloat16") return DenoiserPrecision::kBFloat16;
+  if (name != "auto") throw InvalidOption("--precision", Quoted(name) + " is unknown", "use auto, float32 or bfloat16");
+  return preset == "fast" && ProcessorHasBFloat16() ? DenoiserPrecision::kBFloat16 : DenoiserPrecision::kFloat32;
+}
+
 void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const std::string& views_option) {
   const auto in_group = [&](CLI::Option* option) {
     if (!group.empty()) option->group(group);
@@ -54,6 +63,8 @@ void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const st
                ->type_name("FILE"));
   in_group(app.add_option("--synthesis-model", model, "The diffusion model: name or folder")->capture_default_str()->type_name("NAME|FOLDER"));
   in_group(app.add_option("--preset", preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()->type_name("NAME"));
+  in_group(app.add_option("--precision", precision, "float32, bfloat16, or auto: bfloat16 for the preset fast where the processor has it")
+               ->capture_default_str()->type_name("NAME"));
   in_group(app.add_option(views_option, views, "Views of the object, on all sides")->capture_default_str()->type_name("N")->check(CLI::Range(8, 1024)));
   in_group(app.add_option("--batch", batch, "Views imagined at a time; memory grows with it")->capture_default_str()->type_name("N"));
   in_group(app.add_option("--memory-limit", memory_limit_gb, "Imagine fewer views at a time where the program would need more memory; 0: no limit")
@@ -69,6 +80,7 @@ void SynthesisRequest::Check() const {
   if (IsMesh()) throw InvalidOption("--synthesizer mesh", "has no mesh", "give --mesh object.glb");
   if (synthesizer != "zero123") throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use zero123 or mesh");
   SamplingPreset(preset);
+  PrecisionOf(precision, preset);
   if (model == "zero123" && !IsModelInstalled(model))
     throw Error("model 'zero123'", "is not installed",
                 "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or give the object's --mesh");

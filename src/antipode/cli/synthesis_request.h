@@ -19,19 +19,24 @@ namespace antipode {
 /// "fast" or "paper": exactly as the paper's program samples. @throws InvalidOption naming --preset
 Zero123Options SamplingPreset(const std::string& name);
 
+/// "float32", "bfloat16", or "auto": bfloat16 for the preset fast where the processor multiplies it in hardware.
+/// @throws InvalidOption naming --precision
+DenoiserPrecision PrecisionOf(const std::string& name, const std::string& preset);
+
 /// Where the views of an object come from, as the command line names it.
 struct SynthesisRequest {
   std::string synthesizer = "zero123";     ///< or "mesh"
   std::string mesh;                        ///< file, for "mesh"
   std::string model = "zero123";
   std::string preset = "fast";
+  std::string precision = "auto";
   int views = 64, batch = 4;
   double memory_limit_gb = 0;  ///< 0: none
   std::optional<double> elevation_deg, in_plane_rotation_deg;  ///< of the photograph; without: estimated
   std::uint64_t seed = 1;
   std::string device = "auto";
 
-  /// Declares --synthesizer, --mesh, --synthesis-model, --preset, --views, --batch, --memory-limit, --elevation, --in-plane-rotation.
+  /// Declares --synthesizer, --mesh, --synthesis-model, --preset, --precision, --views, --batch, --memory-limit, --elevation, --in-plane-rotation.
   /// @param views_option what --views is called, where that means something else
   void Declare(CLI::App& app, const std::string& group = {}, const std::string& views_option = "--views");
   /// @throws InvalidOption if options are missing or do not fit together

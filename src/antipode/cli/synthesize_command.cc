@@ -21,7 +21,7 @@ namespace {
 
 /// What the command line may change of a preset.
 struct SamplingRequest {
-  std::string preset = "fast";
+  std::string preset = "fast", precision = "auto";
   std::optional<std::string> solver;
   std::optional<int> steps;
   std::optional<double> guidance_scale, eta;
@@ -65,6 +65,8 @@ class SynthesizeCommand : public Command {
     const char* const group = "Sampling";
     app.add_option("--preset", sampling_.preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()
         ->type_name("NAME")->group(group);
+    app.add_option("--precision", sampling_.precision, "float32, bfloat16, or auto: bfloat16 for the preset fast where the processor has it")
+        ->capture_default_str()->type_name("NAME")->group(group);
     app.add_option("--solver", sampling_.solver, "ddim, dpm++ or unipc")->type_name("NAME")->group(group);
     app.add_option("--steps", sampling_.steps, "Steps of the solver")->type_name("N")->group(group);
     app.add_option("--guidance-scale", sampling_.guidance_scale, "1: no guidance")->type_name("X")->group(group);
@@ -78,7 +80,7 @@ class SynthesizeCommand : public Command {
   void Run() override {
     common_.Apply();
     const std::vector<ViewRequest> requests = Requests();
-    const Zero123SynthesisOptions options{sampling_.Resolve(common_.seed), batch_, memory_limit_gb_};
+    const Zero123SynthesisOptions options{sampling_.Resolve(common_.seed), batch_, PrecisionOf(sampling_.precision, sampling_.preset), memory_limit_gb_};
     options.Check();
     RequireModel();
     const PhotographInput input = LoadPhotograph(picture_, "image");

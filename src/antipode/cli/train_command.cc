@@ -161,8 +161,8 @@ class TrainViewsCommand : public Command {
     app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
     app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")->capture_default_str()->type_name("N");
-    app.add_option("--image-size", config_.image_size, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
-    app.add_option("--width", config_.unet.base_width, "Channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
+    app.add_option("--image-size", image_size_, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
+    app.add_option("--width", width_, "Channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
     app.add_option("--predict", predict_, "velocity or noise")->capture_default_str()->type_name("NAME");
     app.add_option("--pose", pose_, "rotation: the relative rotation; zero123: its four numbers")->capture_default_str()->type_name("NAME");
     common_.Declare(app);
@@ -172,10 +172,12 @@ class TrainViewsCommand : public Command {
     common_.Apply();
     options_.seed = common_.seed;
     options_.device = common_.device;
-    config_.target = Choose(predict_, "--predict", "velocity", DiffusionTarget::kVelocity, "noise", DiffusionTarget::kNoise);
-    config_.pose = Choose(pose_, "--pose", "rotation", PoseCondition::kRelativeRotation, "zero123", PoseCondition::kZero123);
+    ViewDiffusionConfig config = ViewDiffusionConfig::Small(width_);
+    config.image_size = image_size_;
+    config.target = Choose(predict_, "--predict", "velocity", DiffusionTarget::kVelocity, "noise", DiffusionTarget::kNoise);
+    config.pose = Choose(pose_, "--pose", "rotation", PoseCondition::kRelativeRotation, "zero123", PoseCondition::kZero123);
     ProgressLine line(common_.ProgressMode());
-    const ViewsTrainingResult result = TrainViews(options_, config_, [&](const Progress& progress) {
+    const ViewsTrainingResult result = TrainViews(options_, config, [&](const Progress& progress) {
       if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
       line.Show(progress);
     });
@@ -197,7 +199,8 @@ class TrainViewsCommand : public Command {
   }
 
   ViewsTrainingOptions options_;
-  ViewDiffusionConfig config_ = ViewDiffusionConfig::Small();
+  std::int64_t width_ = 96;
+  int image_size_ = 64;
   std::string predict_ = "velocity", pose_ = "rotation";
   CommonOptions common_;
 };

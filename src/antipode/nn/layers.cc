@@ -46,7 +46,7 @@ GroupNormalizationImpl::GroupNormalizationImpl(std::int64_t channels, double eps
       epsilon_(epsilon) {}
 
 torch::Tensor GroupNormalizationImpl::forward(const torch::Tensor& x) const {
-  if (x.scalar_type() == torch::kFloat) return at::group_norm(x, kGroups, weight, bias, epsilon_);
+  if (x.scalar_type() == torch::kFloat || x.is_cpu()) return at::group_norm(x, kGroups, weight, bias, epsilon_);
   return at::group_norm(x.to(torch::kFloat), kGroups, weight.to(torch::kFloat), bias.to(torch::kFloat), epsilon_)
       .to(x.scalar_type());
 }

@@ -53,7 +53,7 @@ SmallSynthesizer::SmallSynthesizer(const std::string& model, const cv::Mat& obje
   model_->to(device);
   const cv::Mat picture = ObjectCentric(object_on_white, model_->config().image_size);
   picture_ = PictureTensor(picture).to(device);
-  fingerprint_ = FingerprintOfSynthesis(picture, FindModel(model).sha256, options.sampling);
+  fingerprint_ = FingerprintOfSynthesis(picture, FindModel(model).sha256, options);
 }
 
 SynthesisCamera SmallSynthesizer::Camera() const { return {kTrainingFocalLength, 2 * kTrainingFocalLength * (1 + 2 * kMargin)}; }

@@ -23,12 +23,14 @@ SynthesisCamera CameraOf(const cv::Mat& picture) {
 
 }  // namespace
 
-std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options) {
+std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123SynthesisOptions& synthesis) {
+  const Zero123Options& options = synthesis.sampling;
   const nlohmann::json settings = {{"picture", Sha256OfPicture(picture)},
                                    {"model", model_sha256}, {"solver", NameOf(options.solver)}, {"steps", options.steps},
                                    {"eta", options.eta}, {"guidance_scale", options.guidance_scale},
                                    {"guidance", {options.guidance_begin, options.guidance_end}},
-                                   {"full_step_every", options.full_step_every}, {"seed", options.seed}};
+                                   {"full_step_every", options.full_step_every}, {"seed", options.seed},
+                                   {"bfloat16", synthesis.precision == DenoiserPrecision::kBFloat16}};
   const std::string text = settings.dump();
   return Sha256Hex(std::as_bytes(std::span(text)));
 }
@@ -58,7 +60,7 @@ struct Zero123Synthesizer::Loaded {
 Zero123Synthesizer::Zero123Synthesizer(const std::string& model, const cv::Mat& object_on_white,
                                        const Zero123SynthesisOptions& options, torch::Device device)
     : model_name_(model), options_(options), device_(device), picture_(PrepareReferencePicture(object_on_white)),
-      camera_(CameraOf(picture_)), fingerprint_(FingerprintOfSynthesis(picture_, FindModel(model).sha256, options.sampling)) {
+      camera_(CameraOf(picture_)), fingerprint_(FingerprintOfSynthesis(picture_, FindModel(model).sha256, options)) {
   options.Check();
 }
 
@@ -67,7 +69,7 @@ Zero123Synthesizer::~Zero123Synthesizer() = default;
 const Zero123Synthesizer::Loaded& Zero123Synthesizer::Load() const {
   if (loaded_) return *loaded_;
   const torch::InferenceMode inference;
-  Zero123 model = Zero123::Load(model_name_, device_);
+  Zero123 model = Zero123::Load(model_name_, device_, options_.precision);
   PictureConditioning conditioning = model.Condition(PictureTensor(picture_).to(device_));
   loaded_ = std::make_unique<Loaded>(Loaded{std::move(model), std::move(conditioning)});
   return *loaded_;

@@ -16,6 +16,7 @@ namespace antipode {
 struct Zero123SynthesisOptions {
   Zero123Options sampling;
   int batch = 4;  ///< views at a time; memory grows with it
+  DenoiserPrecision precision = DenoiserPrecision::kFloat32;
   double memory_limit_gb = 0;  ///< so much memory in all, 10^9 bytes: the batch is made smaller; 0: no limit
   void Check() const;
 };
@@ -25,7 +26,7 @@ struct Zero123SynthesisOptions {
 double MemoryForViews(const Zero123& model, int views);
 
 /// Hash of all that decides imagined views but the requests.
-std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123Options& options);
+std::string FingerprintOfSynthesis(const cv::Mat& picture, const std::string& model_sha256, const Zero123SynthesisOptions& options);
 
 /// Imagines the object of one photograph. The model is loaded when the first view is asked for.
 class Zero123Synthesizer : public ViewSynthesizer {
@@ -37,7 +38,7 @@ class Zero123Synthesizer : public ViewSynthesizer {
 
   ~Zero123Synthesizer() override;
 
-  /// Of picture, model and sampling, not of the batch.
+  /// Of picture, model, sampling and precision, not of the batch.
   std::string Fingerprint() const override { return fingerprint_; }
 
   /// That of the model's training views. The larger side of the picture's object spans two radii.

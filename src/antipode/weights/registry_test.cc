@@ -75,6 +75,14 @@ TEST_F(Registry, WhatIsSavedIsListedFoundVerifiedAndLoaded) {
   EXPECT_EQ(ReadFile(shipped_ / "prior" / "card.md"), "# card\n");
 }
 
+TEST_F(Registry, AnInterruptedSaveLeavesNoModelAndNoFile) {
+  LazyTensorFile file = LazyCopyOf(Weights(1));
+  file.tensors["b"] = {Dtype::kF32, {1}, []() -> HostTensor { throw Interrupted("import", "stopped"); }};
+  EXPECT_THROW(SaveModel(imported_, "stopped", file, "", "", ""), Interrupted);
+  EXPECT_TRUE(ListModels().empty());
+  EXPECT_TRUE(std::filesystem::is_empty(imported_ / "stopped"));
+}
+
 TEST_F(Registry, NothingThereIsNoError) { EXPECT_TRUE(ListModels().empty()); }
 
 TEST_F(Registry, ShippedModelsComeFirst) {

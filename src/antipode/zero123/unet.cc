@@ -302,10 +302,12 @@ UnetImpl::UnetImpl(const UnetConfig& config) : config_(config) {
   out_ = PutIn(out, "2", Convolution(width, config.output_channels));
 }
 
+torch::Dtype UnetImpl::Type() const { return out_->weight.scalar_type(); }
+
 UnetContext UnetImpl::Prepare(const torch::Tensor& tokens, ContextPath path) const {
-  UnetContext context{tokens, {}};
+  UnetContext context{tokens.to(Type()), {}};
   if (tokens.size(1) != 1 || path == ContextPath::kGeneral) return context;
-  for (const auto& transformer : transformers_) context.constant.push_back(transformer->OfSingleToken(tokens));
+  for (const auto& transformer : transformers_) context.constant.push_back(transformer->OfSingleToken(context.tokens));
   return context;
 }
 
@@ -329,7 +331,7 @@ torch::Tensor UnetImpl::forward(const torch::Tensor& x, const torch::Tensor& tim
     observation.Show(name, out);
     return out;
   };
-  auto h = x;
+  auto h = x.to(Type());
   std::vector<torch::Tensor> skipped;
   for (std::size_t i = 0; i < input_blocks_.size(); ++i)
     skipped.push_back(h = run("input_blocks." + std::to_string(i), *input_blocks_[i], h));
@@ -338,7 +340,7 @@ torch::Tensor UnetImpl::forward(const torch::Tensor& x, const torch::Tensor& tim
     h = run("output_blocks." + std::to_string(i), *output_blocks_[i], at::cat({h, skipped.back()}, 1));
     skipped.pop_back();
   }
-  return Predict(h);
+  return Predict(h).to(x.scalar_type());
 }
 
 torch::Tensor UnetImpl::ForwardAndKeep(const torch::Tensor& x, const torch::Tensor& timesteps,
@@ -355,7 +357,7 @@ torch::Tensor UnetImpl::ForwardShallow(const torch::Tensor& x, const torch::Tens
   if (!cache.deep.defined()) throw Error("UNet cache", "is empty", "run a full step first");
   const auto embedding = Embed(timesteps, {});
   const LayerInput input{embedding, context};
-  auto h = x;
+  auto h = x.to(Type());
   std::vector<torch::Tensor> skipped;
   for (std::int64_t i = 0; i < cache.shallow_blocks; ++i)
     skipped.push_back(h = input_blocks_[static_cast<std::size_t>(i)]->forward(h, input, {}));
@@ -364,7 +366,14 @@ torch::Tensor UnetImpl::ForwardShallow(const torch::Tensor& x, const torch::Tens
     h = output_blocks_[i]->forward(at::cat({h, skipped.back()}, 1), input, {});
     skipped.pop_back();
   }
-  return Predict(h);
+  return Predict(h).to(x.scalar_type());
+}
+
+torch::Tensor PredictWithCache(const UnetImpl& unet, const torch::Tensor& x, const torch::Tensor& timesteps, const UnetContext& context,
+                               UnetCache& cache, int step, int full_step_every) {
+  if (full_step_every == 1) return unet.forward(x, timesteps, context);
+  if (step % full_step_every == 0 || !cache.deep.defined()) return unet.ForwardAndKeep(x, timesteps, context, cache);
+  return unet.ForwardShallow(x, timesteps, context, cache);
 }
 
 }  // namespace antipode

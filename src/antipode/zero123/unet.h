@@ -104,7 +104,8 @@ struct UnetCache {
 
 class UnetBlockImpl;
 
-/// The denoiser. Members are named as in the published checkpoints (without `model.diffusion_model.`).
+/// The denoiser. Members are named as in the published checkpoints (without `model.diffusion_model.`). Inputs may have another
+/// precision than the weights, which decide how it is computed; outputs have that of `x`.
 class UnetImpl : public torch::nn::Module {
  public:
   explicit UnetImpl(const UnetConfig& config = {});
@@ -130,6 +131,7 @@ class UnetImpl : public torch::nn::Module {
  private:
   torch::Tensor Embed(const torch::Tensor& timesteps, const Observation& observation) const;
   torch::Tensor Predict(const torch::Tensor& h) const;
+  torch::Dtype Type() const;
 
   UnetConfig config_;
   Dense first_embedding_{nullptr}, second_embedding_{nullptr};
@@ -140,5 +142,10 @@ class UnetImpl : public torch::nn::Module {
   std::vector<std::shared_ptr<UnetTransformerImpl>> transformers_;
 };
 TORCH_MODULE(Unet);
+
+/// One step of many: the deep levels are computed if `step` is a multiple of `full_step_every` or the cache is empty, else taken
+/// from the cache.
+torch::Tensor PredictWithCache(const UnetImpl& unet, const torch::Tensor& x, const torch::Tensor& timesteps, const UnetContext& context,
+                               UnetCache& cache, int step, int full_step_every);
 
 }  // namespace antipode

@@ -1,5 +1,6 @@
 #include "antipode/zero123/view_diffusion.h"
 
+#include <array>
 #include <cmath>
 
 #include <nlohmann/json.hpp>
@@ -26,12 +27,12 @@ UnetConfig WithChannels(UnetConfig unet) {
 
 }  // namespace
 
-ViewDiffusionConfig ViewDiffusionConfig::Small() {
+ViewDiffusionConfig ViewDiffusionConfig::Small(std::int64_t base_width) {
   ViewDiffusionConfig config;
-  config.unet.base_width = 96;
+  config.unet.base_width = base_width;
   config.unet.multipliers = {1, 2, 3};
   config.unet.attention_factors = {4};
-  config.unet.heads = 6;
+  config.unet.heads = base_width / 16;
   config.unet.context_width = 192;
   config.unet = WithChannels(config.unet);
   return config;
@@ -110,12 +111,18 @@ Tensor ViewDiffusionImpl::PoseNumbers(std::span<const ViewCondition> views) cons
   return numbers;
 }
 
-Tensor ViewDiffusionImpl::forward(const Tensor& noisy, const Tensor& pictures, const Tensor& timesteps, const Tensor& poses,
-                                  const Tensor& is_conditional) {
+ViewDiffusionImpl::Input ViewDiffusionImpl::Assemble(const Tensor& noisy, const Tensor& pictures, const Tensor& poses,
+                                                     const Tensor& is_conditional) {
   const Tensor shown = is_conditional.view({-1, 1, 1, 1}) * pictures;
   const Tensor patches = patches_->forward(pictures).flatten(2).transpose(1, 2);  // [P, patches, width]
   const Tensor tokens = at::cat({pose_->forward(poses).unsqueeze(1), patches}, 1) * is_conditional.view({-1, 1, 1});
-  return unet_->forward(at::cat({noisy, shown}, 1), timesteps, unet_->Prepare(tokens, ContextPath::kGeneral));
+  return {at::cat({noisy, shown}, 1), unet_->Prepare(tokens, ContextPath::kGeneral)};
+}
+
+Tensor ViewDiffusionImpl::forward(const Tensor& noisy, const Tensor& pictures, const Tensor& timesteps, const Tensor& poses,
+                                  const Tensor& is_conditional) {
+  const Input input = Assemble(noisy, pictures, poses, is_conditional);
+  return unet_->forward(input.x, timesteps, input.context);
 }
 
 Tensor ViewDiffusionImpl::SampleViews(const Tensor& picture, std::span<const ViewCondition> views, std::span<const std::string> names,
@@ -126,15 +133,19 @@ Tensor ViewDiffusionImpl::SampleViews(const Tensor& picture, std::span<const Vie
   const Tensor pictures = picture.expand({count, -1, -1, -1}), poses = PoseNumbers(views).to(picture.device());
   const SamplerInput times = TimesOf(options, schedule_);
   const int evaluations = static_cast<int>(times.times.size());
+  std::array<UnetCache, 2> caches;  // with picture and pose, and without
   const auto predict = [&](const Tensor& x, const DiffusionTime& time, int step) {
     if (progress) progress({"denoising", step, evaluations, {}});
     const double share = static_cast<double>(step) / evaluations;
     const bool is_guided = options.guidance_scale != 1 && share >= options.guidance_begin && share < options.guidance_end;
-    const Tensor timesteps = at::full({count}, time.timestep, x.options()), on = at::ones({count}, x.options());
-    const auto noise_of = [&](const Tensor& prediction) { return NoiseFromTarget(config_.target, prediction, x, time.alpha_bar); };
-    const Tensor conditional = noise_of(forward(x, pictures, timesteps, poses, on));
-    if (!is_guided) return conditional;
-    return Guided(noise_of(forward(x, pictures, timesteps, poses, at::zeros_like(on))), conditional, options.guidance_scale);
+    const auto noise_of = [&](double is_conditional, UnetCache& cache) {
+      const Input input = Assemble(x, pictures, poses, at::full({count}, is_conditional, x.options()));
+      const Tensor timesteps = at::full({1}, time.timestep, x.options());
+      return NoiseFromTarget(config_.target, PredictWithCache(*unet_, input.x, timesteps, input.context, cache, step, options.full_step_every),
+                             x, time.alpha_bar);
+    };
+    const Tensor conditional = noise_of(1, caches[0]);
+    return is_guided ? Guided(noise_of(0, caches[1]), conditional, options.guidance_scale) : conditional;
   };
   const auto noise = [&](int step) {
     std::vector<Tensor> drawn;

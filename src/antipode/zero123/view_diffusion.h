@@ -35,8 +35,8 @@ struct ViewDiffusionConfig {
   PoseCondition pose = PoseCondition::kRelativeRotation;
   int patch = 8;  ///< side of the picture's patches that become context tokens, pixels
 
-  /// 64 pixels, width 96, multipliers 1, 2, 3, attention at 16 pixels.
-  static ViewDiffusionConfig Small();
+  /// 64 pixels, multipliers 1, 2, 3, attention at 16 pixels with 16 channels a head.
+  static ViewDiffusionConfig Small(std::int64_t base_width = 96);
   void Check() const;
 
   std::map<std::string, std::string> ToMetadata() const;
@@ -78,6 +78,12 @@ class ViewDiffusionImpl : public torch::nn::Module {
   const NoiseSchedule& schedule() const { return schedule_; }
 
  private:
+  struct Input {
+    torch::Tensor x;  ///< noisy view and picture, side by side
+    UnetContext context;
+  };
+  Input Assemble(const torch::Tensor& noisy, const torch::Tensor& pictures, const torch::Tensor& poses, const torch::Tensor& is_conditional);
+
   ViewDiffusionConfig config_;
   NoiseSchedule schedule_;
   Unet unet_{nullptr};

@@ -117,9 +117,10 @@ Zero123Config Zero123Config::FromMetadata(const std::map<std::string, std::strin
   return config;
 }
 
-Zero123 Zero123::Load(const std::string& model_or_folder, torch::Device device) {
+Zero123 Zero123::Load(const std::string& model_or_folder, torch::Device device, DenoiserPrecision precision) {
   const LazyTensorFile file = OpenWeights(model_or_folder);
   Zero123 model(Zero123Config::FromMetadata(file.metadata, model_or_folder));
+  if (precision == DenoiserPrecision::kBFloat16) model.unet->to(torch::kBFloat16);
   LoadInto(*model.unet, Part(file, "unet."), model_or_folder);
   LoadInto(*model.autoencoder, Part(file, "autoencoder."), model_or_folder);
   LoadInto(*model.clip, Part(file, "clip."), model_or_folder);
@@ -161,14 +162,7 @@ NoisePredictor Zero123::Predictor(const ViewConditioning& views, const Zero123Op
     const auto timestep = at::full({1}, time.timestep, x.options());
     const UnetContext& context = is_guided ? views.guided : views.alone;
     UnetCache& cache = (*caches)[is_guided];
-    torch::Tensor noise;
-    if (options.full_step_every == 1) {
-      noise = unet->forward(input, timestep, context);
-    } else if (step % options.full_step_every == 0 || !cache.deep.defined()) {
-      noise = unet->ForwardAndKeep(input, timestep, context, cache);
-    } else {
-      noise = unet->ForwardShallow(input, timestep, context, cache);
-    }
+    const torch::Tensor noise = PredictWithCache(*unet, input, timestep, context, cache, step, options.full_step_every);
     observation.Show("step" + std::to_string(step) + ".eps_uncond_cond", noise);
     if (!is_guided) return noise;
     const auto halves = noise.chunk(2);

@@ -110,6 +110,22 @@ TEST(Zero123, UsesTheWeightsWhereTheyAreMapped) {
   EXPECT_TRUE(layer->weight.is_contiguous(at::MemoryFormat::ChannelsLast));
 }
 
+TEST(Zero123, HalfPrecisionGivesNearlyTheSameViews) {
+  const torch::InferenceMode inference;
+  const TemporaryFolder folder;
+  SaveModel(folder.path(), "small", StoredForUse(LazyViewOf(AllWeightsOf(SmallModel()))), "", "", "");
+  const std::string path = (folder.path() / "small").string();
+  const Zero123 exact = Zero123::Load(path), rounded = Zero123::Load(path, torch::kCPU, DenoiserPrecision::kBFloat16);
+  EXPECT_EQ(rounded.unet->parameters().front().scalar_type(), torch::kBFloat16);
+  const PictureConditioning picture = exact.Condition(SyntheticUniform("picture", {1, 3, 16, 16}).to(torch::kFloat));
+  const Zero123Options options = Zero123Options::Fast();
+  const auto expected = exact.SampleLatents(picture, kViews, kNames, options), latents = rounded.SampleLatents(picture, kViews, kNames, options);
+  EXPECT_EQ(latents.scalar_type(), torch::kFloat);
+  const double error = ((latents - expected).norm() / expected.norm()).item<double>();
+  EXPECT_LT(error, 0.03);
+  EXPECT_GT(error, 0);
+}
+
 TEST(Zero123, RefusesAnUnknownLayout) {
   const TemporaryFolder folder;
   TensorFile weights = AllWeightsOf(SmallModel());
