@@ -113,6 +113,21 @@ class Contract:
         done = self.program.run("pose", self.a, self.b, "--method", "machting")
         expect(done.returncode == 2 and "did you mean matching?" in done.stderr, done.stderr)
 
+    def check_two_way(self):
+        forward, backward = self.pose("--two-way"), json.loads(self.succeed(
+            "pose", self.b, self.a, "--model", self.program.model, "--two-way", "--json", "-", "--reference-camera", "fov=40",
+            "--query-camera", "fov=40"))
+        rotations = [result["query_from_reference"]["rotation"] for result in (forward, backward)]
+        expect(distance_from_identity(product(*rotations)) < 1e-6, "the order of the photographs counts")
+        expect(forward["evidence"]["two_way_disagreement_deg"] >= 0, forward["evidence"])
+
+    def check_synthesis_options(self):
+        for option, word in (("--precision=half", "bfloat16"), ("--memory-limit=-1", "memory_limit"), ("--batch=0", "batch"),
+                             ("--preset=slow", "paper"), ("--views=0", "views"), ("--elevation=95", "elevation")):
+            done = self.program.run("synthesize", self.a, "--out", self.folder / "imagined", option, environment=self.environment("synthesis"))
+            expect(done.returncode in (1, 2) and word in done.stderr and done.stderr.count("\n") == 1, f"{option}: {done.stderr}")
+        expect(not (self.folder / "imagined").exists(), "wrote something")
+
     def check_hypotheses_say_where_they_come_from(self):
         result = self.pose("--method", "auto", query=self.a)
         sources = {hypothesis["source"] for hypothesis in result["hypotheses"]}
