@@ -1,12 +1,12 @@
 #include "antipode/synthesis/zero123_synthesizer.h"
 
 #include <algorithm>
-#include <new>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
 #include "antipode/image/load.h"
+#include "antipode/nn/out_of_memory.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/formatted.h"
@@ -19,6 +19,16 @@ namespace {
 SynthesisCamera CameraOf(const cv::Mat& picture) {
   const cv::Size extent = BoxOfObject(picture).size();
   return {kTrainingFocalLength, 2 * kTrainingFocalLength * picture.cols / std::max(extent.width, extent.height)};
+}
+
+template <typename Action>
+auto SayingMemoryRanOut(const char* stage, const char* remedy, const Action& action) {
+  try {
+    return action();
+  } catch (const std::exception& error) {
+    if (IsOutOfMemory(error)) throw Error(stage, "ran out of memory", remedy);
+    throw;
+  }
 }
 
 }  // namespace
@@ -69,9 +79,11 @@ Zero123Synthesizer::~Zero123Synthesizer() = default;
 const Zero123Synthesizer::Loaded& Zero123Synthesizer::Load() const {
   if (loaded_) return *loaded_;
   const torch::InferenceMode inference;
-  Zero123 model = Zero123::Load(model_name_, device_, options_.precision);
-  PictureConditioning conditioning = model.Condition(PictureTensor(picture_).to(device_));
-  loaded_ = std::make_unique<Loaded>(Loaded{std::move(model), std::move(conditioning)});
+  loaded_ = SayingMemoryRanOut("loading the model", "use --precision bfloat16, or a machine with more memory", [&] {
+    Zero123 model = Zero123::Load(model_name_, device_, options_.precision);
+    PictureConditioning conditioning = model.Condition(PictureTensor(picture_).to(device_));
+    return std::make_unique<Loaded>(Loaded{std::move(model), std::move(conditioning)});
+  });
   return *loaded_;
 }
 
@@ -114,14 +126,10 @@ void Zero123Synthesizer::Synthesize(std::span<const ViewRequest> requests, const
     const auto report = [&](const Progress& inner) {
       if (progress) progress({"imagining views", done + inner.done, batches * evaluations, std::to_string(first) + " of " + std::to_string(requests.size()) + " views"});
     };
-    try {
-      const std::vector<cv::Mat> pictures = Imagine(some, report);
-      for (std::size_t i = 0; i < some.size(); ++i) use(PosedView(some[i], pictures[i], camera_));
-    } catch (const c10::OutOfMemoryError&) {
-      throw Error("denoising", "ran out of memory", "use a smaller --batch");
-    } catch (const std::bad_alloc&) {
-      throw Error("denoising", "ran out of memory", "use a smaller --batch");
-    }
+    const std::vector<cv::Mat> pictures = SayingMemoryRanOut(
+        "denoising", batch > 1 ? "use a smaller --batch, or --precision bfloat16" : "use --precision bfloat16, or a machine with more memory",
+        [&] { return Imagine(some, report); });
+    for (std::size_t i = 0; i < some.size(); ++i) use(PosedView(some[i], pictures[i], camera_));
   }
 }
 
