@@ -6,6 +6,7 @@
 #include "antipode/cli/pose_methods.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/evaluation/dataset.h"
+#include "antipode/evaluation/dilated_masks.h"
 #include "antipode/evaluation/evaluation.h"
 #include "antipode/evaluation/evaluation_files.h"
 #include "antipode/evaluation/evaluation_summary.h"
@@ -56,6 +57,9 @@ class EvaluateCommand : public Command {
     app.add_flag("--rotated", rotated_, "Roll every camera by -45 to 45 degrees")->group("Data set objects");
     app.add_option("--pairs", options_.pairs_per_object, "At most so many pairs of each object, drawn with --seed")
         ->type_name("N");
+    app.add_option("--dilate-masks", dilation_percent_, "Make the masks imprecise: dilate them by a square of so many percent of the "
+                                                        "picture's shorter side")
+        ->type_name("PERCENT");
     app.add_option("--different-objects", different_objects_,
                    "Instead of accuracy, measure the confidence on N pairs that show two different objects")
         ->type_name("N");
@@ -71,7 +75,8 @@ class EvaluateCommand : public Command {
 
   void Run() override {
     common_.Apply();
-    const std::unique_ptr<Dataset> dataset = OpenDataset();
+    std::unique_ptr<Dataset> dataset = OpenDataset();
+    if (dilation_percent_ != 0) dataset = std::make_unique<DilatedMasks>(std::move(dataset), dilation_percent_ / 100);
     MethodRequest request = method_;
     request.device = common_.device;
     request.synthesis.seed = common_.seed;
@@ -207,6 +212,7 @@ class EvaluateCommand : public Command {
   std::optional<std::size_t> orientation_views_;
   std::optional<std::string> sweep_;
   bool rotated_ = false;
+  double dilation_percent_ = 0;
   ObjectProtocolOptions protocol_;
   EvaluationOptions options_;
   CommonOptions common_;

@@ -1,0 +1,44 @@
+#include "antipode/evaluation/dilated_masks.h"
+
+#include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
+
+#include "antipode/util/error.h"
+
+namespace antipode {
+namespace {
+
+/// One picture of 100 x 60 pixels with a mask of 20 x 10.
+class OnePicture : public Dataset {
+ public:
+  std::string Name() const override { return "one"; }
+  std::size_t ObjectCount() const override { return 1; }
+  std::size_t PairCount() const override { return 1; }
+  EvaluationScene Load(std::size_t) const override {
+    EvaluationScene scene;
+    scene.views.resize(1);
+    scene.views[0].photograph.mask = cv::Mat::zeros(60, 100, CV_8U);
+    cv::rectangle(scene.views[0].photograph.mask, cv::Rect(40, 20, 20, 10), cv::Scalar(255), cv::FILLED);
+    return scene;
+  }
+};
+
+cv::Rect BoxWith(double share) {
+  const DilatedMasks dataset(std::make_unique<OnePicture>(), share);
+  EXPECT_EQ(dataset.Name(), "one");
+  return cv::boundingRect(dataset.Load(0).views[0].photograph.mask);
+}
+
+TEST(DilatedMasks, GrowByASquareOfAShareOfTheShorterSide) {
+  EXPECT_EQ(BoxWith(0), cv::Rect(40, 20, 20, 10));
+  EXPECT_EQ(BoxWith(0.05), cv::Rect(39, 19, 22, 12)) << "a square of 3";
+  EXPECT_EQ(BoxWith(0.099), cv::Rect(38, 18, 24, 14)) << "a square of 5.94, truncated";
+}
+
+TEST(DilatedMasks, RefuseImpossibleShares) {
+  EXPECT_THROW(BoxWith(-0.1), InvalidOption);
+  EXPECT_THROW(BoxWith(0.6), InvalidOption);
+}
+
+}  // namespace
+}  // namespace antipode
