@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
-#include <exception>
 #include <iostream>
 #include <string>
 
@@ -14,6 +13,7 @@
 
 #include "antipode/image/load.h"
 #include "antipode/matching/matchers.h"
+#include "guarded_main.h"
 
 namespace antipode {
 namespace {
@@ -57,11 +57,4 @@ int Run(int argc, char** argv) {
 }  // namespace
 }  // namespace antipode
 
-int main(int argc, char** argv) {
-  try {
-    return antipode::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "matching_benchmark: %s\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return antipode::GuardedMain("matching_benchmark", antipode::Run, argc, argv); }

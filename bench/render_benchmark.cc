@@ -1,6 +1,5 @@
 // Views a second of the renderer: render_benchmark FOLDER_OF_GLB [Google Benchmark options]
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <random>
 #include <vector>
@@ -10,6 +9,7 @@
 #include "antipode/geometry/look_at.h"
 #include "antipode/render/renderer.h"
 #include "antipode/util/files.h"
+#include "guarded_main.h"
 
 namespace antipode {
 namespace {
@@ -63,11 +63,4 @@ int Run(int argc, char** argv) {
 }  // namespace
 }  // namespace antipode
 
-int main(int argc, char** argv) {
-  try {
-    return antipode::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "render_benchmark: %s\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return antipode::GuardedMain("render_benchmark", antipode::Run, argc, argv); }

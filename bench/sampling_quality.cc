@@ -4,7 +4,6 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -17,6 +16,7 @@
 #include "antipode/util/temporary_folder.h"
 #include "antipode/weights/registry.h"
 #include "antipode/zero123/view_diffusion.h"
+#include "guarded_main.h"
 
 namespace antipode {
 namespace {
@@ -107,11 +107,4 @@ int Run(int argc, char** argv) {
 }  // namespace
 }  // namespace antipode
 
-int main(int argc, char** argv) {
-  try {
-    return antipode::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "sampling_quality: %s\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return antipode::GuardedMain("sampling_quality", antipode::Run, argc, argv); }

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
 #include <iostream>
 #include <string>
@@ -13,6 +12,7 @@
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/zero123/checkpoint_import.h"
+#include "guarded_main.h"
 
 namespace antipode {
 namespace {
@@ -89,11 +89,4 @@ int Run(int argc, char** argv) {
 }  // namespace
 }  // namespace antipode
 
-int main(int argc, char** argv) {
-  try {
-    return antipode::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "zero123_benchmark: %s\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return antipode::GuardedMain("zero123_benchmark", antipode::Run, argc, argv); }

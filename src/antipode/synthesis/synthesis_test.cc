@@ -4,8 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "antipode/geometry/rotation.h"
-#include "antipode/nn/module_weights.h"
-#include "antipode/nn/synthetic_weights.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/synthesis/view_folder.h"
 #include "antipode/synthesis/zero123_synthesizer.h"
@@ -13,6 +11,7 @@
 #include "antipode/util/files.h"
 #include "antipode/util/temporary_folder.h"
 #include "antipode/weights/registry.h"
+#include "antipode/zero123/test_config.h"
 
 namespace antipode {
 namespace {
@@ -163,18 +162,7 @@ std::filesystem::path SaveSmallModel(const std::filesystem::path& folder) {
   config.unet = {.base_width = 32, .multipliers = {1, 2}, .residual_blocks = 1, .attention_factors = {2}, .heads = 4, .context_width = 32};
   config.autoencoder = {.base_width = 32, .multipliers = {1, 1, 1, 1}, .residual_blocks = 1};
   config.clip = {.width = 32, .layers = 1, .heads = 2, .patch = 16, .output_width = 32, .image_size = 32};
-  const Zero123 model(config);
-  TensorFile file;
-  file.metadata = config.ToMetadata();
-  const auto add = [&](const std::string& part, torch::nn::Module& module) {
-    FillSynthetic(module);
-    for (auto& [name, tensor] : WeightsOf(module).tensors) file.tensors[part + name] = tensor;
-  };
-  add("unet.", *const_cast<Zero123&>(model).unet);
-  add("autoencoder.", *const_cast<Zero123&>(model).autoencoder);
-  add("clip.", *const_cast<Zero123&>(model).clip);
-  add("projection.", *const_cast<Zero123&>(model).projection);
-  SaveModel(folder, "small", file, "synthetic", "none", "none");
+  SaveModel(folder, "small", AllWeightsOf(SyntheticZero123(config), config), "synthetic", "none", "none");
   return folder / "small";
 }
 

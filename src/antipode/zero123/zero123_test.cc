@@ -26,14 +26,7 @@ std::string Fingerprint(std::vector<std::string> lines) {
   return Sha256Hex(std::as_bytes(std::span(text)));
 }
 
-Zero123 SmallModel() {
-  Zero123 model(TinyZero123());
-  FillSynthetic(*model.unet);
-  FillSynthetic(*model.autoencoder);
-  FillSynthetic(*model.clip);
-  FillSynthetic(*model.projection);
-  return model;
-}
+Zero123 SmallModel() { return SyntheticZero123(TinyZero123()); }
 
 const std::vector<RelativeView> kViews{{10, 30, 0}, {-25, 200, 0}, {0, 90, 0}};
 const std::vector<std::string> kNames{"a", "b", "c"};
@@ -67,23 +60,11 @@ TEST(Zero123, AttendingToOneTokenIsAConstant) {
   EXPECT_GT((constant - model.unet->forward(x, time, model.unet->Prepare(0 * tokens))).abs().max().item<double>(), 1e-3);
 }
 
-TensorFile AllWeightsOf(const Zero123& model) {
-  TensorFile file{{}, TinyZero123().ToMetadata()};
-  const auto add = [&](const std::string& part, const torch::nn::Module& module) {
-    for (auto& [name, tensor] : WeightsOf(module).tensors) file.tensors[part + name] = std::move(tensor);
-  };
-  add("unet.", *model.unet);
-  add("autoencoder.", *model.autoencoder);
-  add("clip.", *model.clip);
-  add("projection.", *model.projection);
-  return file;
-}
-
 TEST(Zero123, ComesBackFromDiskInEitherLayoutAndPrecision) {
   const torch::InferenceMode inference;
   const TemporaryFolder folder;
   const Zero123 model = SmallModel();
-  const TensorFile weights = AllWeightsOf(model);
+  const TensorFile weights = AllWeightsOf(model, TinyZero123());
   TensorFile half = weights;
   for (auto& [name, tensor] : half.tensors) tensor = ConvertTo(tensor, Dtype::kF16);
   SaveModel(folder.path(), "rows", weights, "", "", "");
@@ -100,7 +81,7 @@ TEST(Zero123, ComesBackFromDiskInEitherLayoutAndPrecision) {
 TEST(Zero123, UsesTheWeightsWhereTheyAreMapped) {
   const torch::InferenceMode inference;
   const TemporaryFolder folder;
-  const TensorFile weights = AllWeightsOf(SmallModel());
+  const TensorFile weights = AllWeightsOf(SmallModel(), TinyZero123());
   SaveModel(folder.path(), "small", StoredForUse(LazyViewOf(weights)), "", "", "");
   const LazyTensorFile file = OpenSafetensors(folder.path() / "small" / "model.safetensors");
   const LazyTensor convolution = FromChannelsLast(file.tensors.at("unet.out.2.weight"));
@@ -113,7 +94,7 @@ TEST(Zero123, UsesTheWeightsWhereTheyAreMapped) {
 TEST(Zero123, HalfPrecisionGivesNearlyTheSameViews) {
   const torch::InferenceMode inference;
   const TemporaryFolder folder;
-  SaveModel(folder.path(), "small", StoredForUse(LazyViewOf(AllWeightsOf(SmallModel()))), "", "", "");
+  SaveModel(folder.path(), "small", StoredForUse(LazyViewOf(AllWeightsOf(SmallModel(), TinyZero123()))), "", "", "");
   const std::string path = (folder.path() / "small").string();
   const Zero123 exact = Zero123::Load(path), rounded = Zero123::Load(path, torch::kCPU, DenoiserPrecision::kBFloat16);
   EXPECT_EQ(rounded.unet->parameters().front().scalar_type(), torch::kBFloat16);
@@ -128,7 +109,7 @@ TEST(Zero123, HalfPrecisionGivesNearlyTheSameViews) {
 
 TEST(Zero123, RefusesAnUnknownLayout) {
   const TemporaryFolder folder;
-  TensorFile weights = AllWeightsOf(SmallModel());
+  TensorFile weights = AllWeightsOf(SmallModel(), TinyZero123());
   weights.metadata["denoiser_convolutions"] = "spiral";
   SaveModel(folder.path(), "small", weights, "", "", "");
   EXPECT_THROW(Zero123::Load((folder.path() / "small").string()), BadFile);
