@@ -11,6 +11,7 @@
 
 #include "antipode/nn/module_weights.h"
 #include "antipode/training/augmentation.h"
+#include "antipode/training/views_trainer.h"
 #include "antipode/util/files.h"
 #include "antipode/util/stopwatch.h"
 #include "antipode/util/temporary_folder.h"
@@ -52,9 +53,7 @@ std::vector<Example> Render(const std::filesystem::path& meshes, int size, int v
     std::mt19937_64 random(1);
     const AugmentationOptions none{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0};
     const AugmentedView augmented = AugmentView(cache, group, view, 0, false, size, none, random);
-    const auto rgba = torch::from_blob(augmented.rgba.data, {size, size, 4}, torch::kByte).permute({2, 0, 1}).to(torch::kFloat) / 255;
-    const auto alpha = rgba.slice(0, 3, 4);
-    return std::pair{(rgba.slice(0, 0, 3) * alpha + (1 - alpha)).unsqueeze(0).clone(), augmented.camera_from_object};
+    return std::pair{OnWhite(augmented), augmented.camera_from_object};
   };
   std::vector<Example> examples;
   for (int group = 0; group < cache.group_count(); ++group) {
@@ -66,8 +65,6 @@ std::vector<Example> Render(const std::filesystem::path& meshes, int size, int v
   }
   return examples;
 }
-
-double PeakSignalToNoise(const torch::Tensor& a, const torch::Tensor& b) { return -10 * std::log10((a - b).square().mean().item<double>()); }
 
 int Run(int argc, char** argv) {
   if (argc < 3) {

@@ -50,15 +50,13 @@ class Steps {
  private:
   /// For good.
   void ToBFloat16() {
-    if (is_half_) return;
-    is_half_ = true;
+    if (constant_.tokens.scalar_type() == torch::kBFloat16) return;
     model_.unet->to(torch::kBFloat16);
     UseChannelsLast(*model_.unet);
     constant_ = model_.unet->Prepare(tokens_);
   }
 
   Zero123& model_;
-  bool is_half_ = false;
   torch::Tensor x_, tokens_;
   UnetContext general_, constant_;
   UnetCache cache_;

@@ -89,6 +89,12 @@ Eigen::Matrix3f HueAndSaturation(double hue_radians, double saturation) {
 
 }  // namespace
 
+torch::Tensor OnWhite(const AugmentedView& view) {
+  const auto rgba = torch::from_blob(view.rgba.data, {view.rgba.rows, view.rgba.cols, 4}, torch::kByte).permute({2, 0, 1}).to(torch::kFloat) / 255;
+  const auto alpha = rgba.slice(0, 3, 4);
+  return (rgba.slice(0, 0, 3) * alpha + (1 - alpha)).unsqueeze(0);
+}
+
 RollRegime DrawRegime(const AugmentationOptions& options, std::mt19937_64& random) {
   const double draw = UniformIn(random, 0, 1);
   if (draw < options.level_share) return RollRegime::kLevel;

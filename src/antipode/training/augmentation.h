@@ -38,6 +38,9 @@ struct AugmentedView {
 AugmentedView AugmentView(const ViewCache& cache, int group, int view, double roll_deg, bool mirrored,
                           int image_size, const AugmentationOptions& options, std::mt19937_64& random);
 
+/// The picture on white, [1, 3, S, S], 0..1.
+torch::Tensor OnWhite(const AugmentedView& view);
+
 RollRegime DrawRegime(const AugmentationOptions& options, std::mt19937_64& random);
 double DrawRoll(RollRegime regime, const AugmentationOptions& options, std::mt19937_64& random);
 

@@ -50,9 +50,7 @@ ViewsTrainingOptions TinyTraining(const std::filesystem::path& folder) {
 std::pair<torch::Tensor, Eigen::Matrix3d> PlainView(const ViewCache& cache, int view, int size, const AugmentationOptions& plain) {
   std::mt19937_64 random(1);
   const AugmentedView augmented = AugmentView(cache, 0, view, 0, false, size, plain, random);
-  const auto rgba = torch::from_blob(augmented.rgba.data, {size, size, 4}, torch::kByte).permute({2, 0, 1}).to(torch::kFloat) / 255;
-  const auto alpha = rgba.slice(0, 3, 4);
-  return {(rgba.slice(0, 0, 3) * alpha + (1 - alpha)).unsqueeze(0), augmented.camera_from_object};
+  return {OnWhite(augmented), augmented.camera_from_object};
 }
 
 TEST(TrainViews, OverfitsOneObject) {
