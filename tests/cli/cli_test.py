@@ -16,7 +16,7 @@ import time
 from program import Program, expect, mask, photo, require_files, run_checks
 
 COMMANDS = ("pose", "match", "reference build", "reference info", "orient", "synthesize", "render", "evaluate", "train prior",
-            "train upright", "train selector", "train refiner", "models list", "models verify", "models import", "doctor")
+            "train ranker", "train upright", "train selector", "train refiner", "models list", "models verify", "models import", "doctor")
 KEYS = {
     "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "evidence",
          "reference", "query", "timings_s", "warnings"),
@@ -120,6 +120,13 @@ class Contract:
         rotations = [result["query_from_reference"]["rotation"] for result in (forward, backward)]
         expect(distance_from_identity(product(*rotations)) < 1e-6, "the order of the photographs counts")
         expect(forward["evidence"]["two_way_disagreement_deg"] >= 0, forward["evidence"])
+
+    def check_upright(self):
+        any_roll, level = self.pose("--method", "prior"), self.pose("--method", "prior", "--upright")
+        weights = [[hypothesis["probability"] for hypothesis in result["hypotheses"]] for result in (any_roll, level)]
+        expect(weights[0] != weights[1], "level cameras make no difference")
+        done = self.program.run("pose", self.a, self.b, "--method", "matching", "--upright")
+        expect(done.returncode == 2 and "--upright" in done.stderr, done.stderr)
 
     def check_synthesis_options(self):
         for option, word in (("--precision=half", "bfloat16"), ("--memory-limit=-1", "memory_limit"), ("--batch=0", "batch"),

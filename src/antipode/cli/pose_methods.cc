@@ -180,6 +180,8 @@ bool IsMatcher(const std::string& name) {
 
 PoseMethod LoadOneWay(const MethodRequest& request) {
   const std::string& name = request.method;
+  if (request.options.roll == CameraRoll::kLevel && name != "auto" && name != "prior")
+    throw InvalidOption("--upright", "says nothing to the method " + Quoted(name), "use it with auto or prior");
   if (name == "auto") return AutoMethod(request);
   if (name == "prior") return PriorMethod(request);
   if (name == "diffusion") return DiffusionMethod(request);
@@ -204,6 +206,8 @@ void MethodRequest::Declare(CLI::App& app) {
       ->capture_default_str()->type_name("NAME|FOLDER");
   app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
   app.add_flag("--two-way", two_way, "Estimate with the photographs swapped, too, and reconcile both; takes twice as long");
+  app.add_flag_callback("--upright", [this] { options.roll = CameraRoll::kLevel; },
+                        "The object stands upright and both cameras were held level: weighs the prior's hypotheses by how well they agree");
   synthesis.Declare(app, "For --method diffusion", "--reference-views");
   comparison.Declare(app, "For --method diffusion");
 }

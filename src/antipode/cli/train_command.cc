@@ -4,6 +4,7 @@
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/training/prior_trainer.h"
+#include "antipode/training/ranker_trainer.h"
 #include "antipode/training/upright_trainer.h"
 #include "antipode/training/view_comparison_trainer.h"
 #include "antipode/training/views_trainer.h"
@@ -100,6 +101,52 @@ class TrainPriorCommand : public Command {
   PriorTrainingOptions options_;
   bool resume_ = false;
   bool from_scratch_ = false;
+  CommonOptions common_;
+};
+
+class TrainRankerCommand : public Command {
+ public:
+  std::string Name() const override { return "ranker"; }
+  std::string Summary() const override { return "A prior's second stage, which weighs its hypotheses anew"; }
+  std::string Example() const override {
+    return "  antipode train ranker --objects meshes/train --validation meshes/val --model my_prior/prior --out my_ranked_prior";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    app.add_option("--out", options_.out, "Folder for log.csv and the model prior/, both stages in one")->required()->type_name("DIR");
+    app.add_option("--validation", options_.validation_objects, "Folder of .glb files to calibrate on; without: as it was")->type_name("DIR");
+    app.add_option("--model", options_.prior, "The first stage: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+    app.add_option("--minutes", options_.minutes, "Time budget after encoding")->capture_default_str()->type_name("N");
+    app.add_option("--iterations", options_.iterations, "Or a number of steps, which makes runs reproducible")->type_name("N");
+    app.add_option("--groups", options_.groups, "Groups of views of one object that are encoded")->capture_default_str()->type_name("N");
+    app.add_option("--batch", options_.batch, "Pairs a step")->capture_default_str()->type_name("N");
+    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
+    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each variant of an object")->capture_default_str()->type_name("N");
+    app.add_option("--variants", options_.views.variants, "Variants of an object, see train prior")->capture_default_str()->type_name("N");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    options_.threads = common_.threads;
+    ProgressLine line(common_.ProgressMode());
+    const RankerTrainingResult result = TrainRanker(options_, [&](const Progress& progress) {
+      if (progress.stage != "training") ThrowIfInterrupted();
+      line.Show(progress);
+    });
+    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+    if (!common_.PrintsText()) return;
+    std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last\n", static_cast<long long>(result.steps), result.first_loss,
+                           result.last_loss)
+              << "Model: " << result.model.string() << "\n"
+              << "Next: antipode pose REFERENCE QUERY --model " << result.model.string() << "\n";
+  }
+
+ private:
+  RankerTrainingOptions options_;
   CommonOptions common_;
 };
 
@@ -242,8 +289,8 @@ class TrainViewComparisonCommand : public Command {
     const ViewComparisonTrainingResult result = Train();
     common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
     if (!common_.PrintsText()) return;
-    std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last\n", static_cast<long long>(result.steps), result.first_loss,
-                           result.last_loss)
+    std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last; %.4f for a network that says nothing\n",
+                           static_cast<long long>(result.steps), result.first_loss, result.last_loss, result.uninformed_loss)
               << "Model: " << result.model.string() << "\n";
   }
 
@@ -277,6 +324,7 @@ class TrainCommand : public Command {
   std::vector<std::unique_ptr<Command>> Subcommands() const override {
     std::vector<std::unique_ptr<Command>> commands;
     commands.push_back(std::make_unique<TrainPriorCommand>());
+    commands.push_back(std::make_unique<TrainRankerCommand>());
     commands.push_back(std::make_unique<TrainUprightCommand>());
     commands.push_back(std::make_unique<TrainViewsCommand>());
     for (const auto network : {TrainViewComparisonCommand::Network::kSelector, TrainViewComparisonCommand::Network::kRefiner})

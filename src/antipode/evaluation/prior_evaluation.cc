@@ -10,6 +10,7 @@
 #include "antipode/geometry/rotation.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
+#include "antipode/weights/registry.h"
 
 namespace antipode {
 namespace {
@@ -30,13 +31,15 @@ double MeanNegativeLogDensity(const Eigen::MatrixXf& grid_scores, const Eigen::V
   return sum / static_cast<double>(true_scores.size());
 }
 
-double FitTemperature(const RotationPosterior& posterior, const std::vector<ScoredPair>& pairs) {
+double FitTemperature(const ObjectPrior& prior, const std::vector<CodedPair>& pairs) {
+  const RotationPosterior& posterior = prior.posterior();
   const auto count = static_cast<Eigen::Index>(pairs.size());
   Eigen::MatrixXf grid_scores(static_cast<Eigen::Index>(posterior.grid().size()), count);
   Eigen::VectorXd true_scores(count);
   for (Eigen::Index i = 0; i < count; ++i) {
-    grid_scores.col(i) = posterior.GridScores(pairs[i].correlation);
-    true_scores[i] = posterior.Score(pairs[i].correlation, pairs[i].query_from_reference);
+    const Eigen::VectorXf correlation = prior.Correlation(pairs[i].reference, pairs[i].query);
+    grid_scores.col(i) = posterior.GridScores(correlation);
+    true_scores[i] = posterior.Score(correlation, pairs[i].query_from_reference);
   }
   // The mean is smooth with one minimum in log temperature: shrink a bracket by the golden ratio.
   const double ratio = 0.5 * (std::sqrt(5.0) - 1);
@@ -58,6 +61,49 @@ double FitTemperature(const RotationPosterior& posterior, const std::vector<Scor
     }
   }
   return std::exp(0.5 * (low + high));
+}
+
+/// The modes of a pair, and which of them is the truth.
+struct JudgedModes {
+  std::vector<RotationMode> modes;
+  std::size_t truth = 0;
+};
+
+/// Pairs of which some mode is right.
+std::vector<JudgedModes> Judge(const std::vector<std::vector<RotationMode>>& modes, const std::vector<CodedPair>& pairs) {
+  std::vector<JudgedModes> judged;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const auto error = [&](const RotationMode& mode) { return AngleBetweenDeg(mode.rotation, pairs[i].query_from_reference); };
+    const auto nearest = std::ranges::min_element(modes[i], {}, error);
+    if (error(*nearest) < kCorrectDeg) judged.push_back({modes[i], static_cast<std::size_t>(nearest - modes[i].begin())});
+  }
+  return judged;
+}
+
+/// Conditional logistic regression by Newton's method, with a weak pull of both weights toward 1.
+void FitModeWeights(const std::vector<JudgedModes>& pairs, PriorCalibration& calibration) {
+  constexpr double kPull = 1.0;
+  Eigen::Vector2d weights = Eigen::Vector2d::Ones();
+  for (int step = 0; step < 50; ++step) {
+    Eigen::Vector2d gradient = -kPull * (weights - Eigen::Vector2d::Ones());
+    Eigen::Matrix2d information = kPull * Eigen::Matrix2d::Identity();
+    for (const JudgedModes& pair : pairs) {
+      Eigen::MatrixX2d features(static_cast<Eigen::Index>(pair.modes.size()), 2);
+      for (Eigen::Index k = 0; k < features.rows(); ++k)
+        features.row(k) << std::log(std::max(pair.modes[k].probability, 1e-12)), pair.modes[k].log_weight;
+      Eigen::VectorXd share = features * weights;
+      share = (share.array() - share.maxCoeff()).exp();
+      share /= share.sum();
+      const Eigen::Vector2d mean = features.transpose() * share;
+      gradient += features.row(static_cast<Eigen::Index>(pair.truth)).transpose() - mean;
+      information += features.transpose() * share.asDiagonal() * features - mean * mean.transpose();
+    }
+    const Eigen::Vector2d move = information.ldlt().solve(gradient);
+    weights += move;
+    if (move.norm() < 1e-9) break;
+  }
+  calibration.mode_weight = weights[0];
+  calibration.ranker_weight = weights[1];
 }
 
 struct Outcome {
@@ -92,15 +138,15 @@ void FitConfidence(const std::vector<Outcome>& outcomes, PriorCalibration& calib
 
 }  // namespace
 
-void ScoredPairs::Append(ScoredPairs more) {
+void CodedPairs::Append(CodedPairs more) {
   std::ranges::move(more.same_object, std::back_inserter(same_object));
   std::ranges::move(more.different_objects, std::back_inserter(different_objects));
 }
 
-ScoredPairs ScorePairs(const ObjectPrior& prior, const std::filesystem::path& objects, double in_plane_rotation_deg) {
+CodedPairs EncodePairs(const ObjectPrior& prior, const std::filesystem::path& objects, double in_plane_rotation_deg) {
   ObjectProtocolOptions protocol;
   protocol.in_plane_rotation_deg = in_plane_rotation_deg;
-  ScoredPairs pairs;
+  CodedPairs pairs;
   torch::Tensor reference_before;
   for (const auto& file : FilesWithExtension(objects, ".glb")) {
     std::vector<ObjectView> crops;
@@ -114,21 +160,18 @@ ScoredPairs ScorePairs(const ObjectPrior& prior, const std::filesystem::path& ob
     const auto codes = prior.Encode(crops);
     for (std::size_t i = 1; i < crops.size(); ++i) {
       const auto query = codes[static_cast<std::int64_t>(i)];
-      pairs.same_object.push_back({prior.Correlation(codes[0], query), rotations[i] * rotations[0].transpose()});
-      if (reference_before.defined()) pairs.different_objects.push_back(prior.Correlation(reference_before, query));
+      pairs.same_object.push_back({codes[0], query, rotations[i] * rotations[0].transpose()});
+      if (reference_before.defined()) pairs.different_objects.push_back({reference_before, query});
     }
     reference_before = codes[0];
   }
   return pairs;
 }
 
-RotationAccuracy MeasureAccuracy(const ObjectPrior& prior, const std::vector<ScoredPair>& pairs) {
-  PosteriorOptions options;
-  options.max_modes = 1;
-  options.temperature = prior.calibration().temperature;
+RotationAccuracy MeasureAccuracy(const ObjectPrior& prior, const std::vector<CodedPair>& pairs) {
   RotationAccuracy accuracy;
-  for (const ScoredPair& pair : pairs) {
-    const RotationMode mode = prior.posterior().FindModes(pair.correlation, options).front();
+  for (const CodedPair& pair : pairs) {
+    const RotationMode mode = prior.Compare(pair.reference, pair.query, {.max_modes = 1}).front();
     const double error = AngleBetweenDeg(mode.rotation, pair.query_from_reference);
     accuracy.within_15 += (error < 15) * 100.0 / pairs.size();
     accuracy.within_30 += (error < 30) * 100.0 / pairs.size();
@@ -136,20 +179,39 @@ RotationAccuracy MeasureAccuracy(const ObjectPrior& prior, const std::vector<Sco
   return accuracy;
 }
 
-PriorCalibration FitCalibration(const RotationPosterior& posterior, const ScoredPairs& pairs) {
+PriorCalibration FitCalibration(const ObjectPrior& prior, const CodedPairs& pairs) {
   if (pairs.same_object.empty()) throw Error("calibration", "there are no validation pairs");
   PriorCalibration calibration;
-  calibration.temperature = FitTemperature(posterior, pairs.same_object);
-  const PosteriorOptions options{.temperature = calibration.temperature};
+  calibration.temperature = FitTemperature(prior, pairs.same_object);
+  const auto modes_of = [&](const std::vector<CodedPair>& of) {
+    std::vector<std::vector<RotationMode>> modes;
+    for (const CodedPair& pair : of) modes.push_back(prior.Hypotheses(pair.reference, pair.query, calibration.temperature));
+    return modes;
+  };
+  std::vector<std::vector<RotationMode>> same = modes_of(pairs.same_object), different = modes_of(pairs.different_objects);
+  if (prior.HasSecondStage()) FitModeWeights(Judge(same, pairs.same_object), calibration);
+  const auto best_of = [&](std::vector<RotationMode>& modes) {
+    Reweigh(modes, calibration);
+    return modes.front();
+  };
   std::vector<Outcome> outcomes;
-  for (const ScoredPair& pair : pairs.same_object) {
-    const RotationMode mode = posterior.FindModes(pair.correlation, options).front();
-    outcomes.push_back({mode, AngleBetweenDeg(mode.rotation, pair.query_from_reference) < kCorrectDeg ? 1.0 : 0.0});
+  for (std::size_t i = 0; i < same.size(); ++i) {
+    const RotationMode mode = best_of(same[i]);
+    outcomes.push_back({mode, AngleBetweenDeg(mode.rotation, pairs.same_object[i].query_from_reference) < kCorrectDeg ? 1.0 : 0.0});
   }
-  for (const Eigen::VectorXf& correlation : pairs.different_objects)
-    outcomes.push_back({posterior.FindModes(correlation, options).front(), 0, kDifferentObjectsWeight});
+  for (std::vector<RotationMode>& modes : different) outcomes.push_back({best_of(modes), 0, kDifferentObjectsWeight});
   FitConfidence(outcomes, calibration);
   return calibration;
+}
+
+void CalibrateModel(const std::filesystem::path& folder, const std::filesystem::path& objects) {
+  const ObjectPrior prior = ObjectPrior::Load(folder.string());
+  CodedPairs pairs = EncodePairs(prior, objects, 0);
+  pairs.Append(EncodePairs(prior, objects, 45));
+  TensorFile file = LoadModel(folder.string());
+  for (const auto& [key, value] : FitCalibration(prior, pairs).ToMetadata()) file.metadata[key] = value;
+  const ModelEntry entry = FindModel(folder.string());
+  SaveModel(folder.parent_path(), folder.filename().string(), file, entry.description, entry.licence, ReadFile(folder / "card.md"));
 }
 
 }  // namespace antipode

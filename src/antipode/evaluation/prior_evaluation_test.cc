@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "antipode/geometry/rotation.h"
+#include "antipode/geometry/spherical_harmonics.h"
+#include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -13,62 +15,73 @@ namespace {
 
 constexpr int kDegree = 4;
 
-/// A score with one peak at `rotation`: s(R) = height sum_l (2 l + 1) <D_l(rotation), D_l(R)> / normalisation.
-Eigen::VectorXf PeakAt(const Eigen::Matrix3d& rotation, double height) {
-  Eigen::VectorXd correlation = WignerMatrices(rotation, kDegree);
+/// A prior whose encoder is never asked.
+ObjectPrior PriorOfDegree4() {
+  ObjectEncoderConfig config;
+  config.max_degree = kDegree;
+  config.width = config.heads = config.layers = config.feed_forward = 1;
+  return {ObjectEncoder(config), torch::kCPU};
+}
+
+/// Codes whose score is s(R) = height sum_l (2 l + 1) <D_l(rotation), D_l(R)> / normalisation: every harmonic is a
+/// function of its own, with square root sqrt(2 l + 1) in both codes.
+CodedPair PeakAt(const Eigen::Matrix3d& rotation, double height) {
+  const int count = SphericalHarmonicCount(kDegree);
+  auto reference = torch::zeros({count, count});
   double normalization = 0;
   for (int l = 0; l <= kDegree; ++l) {
-    const int size = (2 * l + 1) * (2 * l + 1);
-    correlation.segment(WignerOffset(l), size) *= 2 * l + 1;
-    normalization += size;
+    normalization += (2 * l + 1) * (2 * l + 1);
+    for (int i = l * l; i < (l + 1) * (l + 1); ++i) reference[i][i] = std::sqrt(2.0 * l + 1);
   }
-  return (height / normalization * correlation).cast<float>();
+  reference *= std::sqrt(height / normalization);
+  return {reference, TurnCode(reference, rotation), rotation};
 }
 
 class Calibration : public ::testing::Test {
  protected:
-  double ConfidenceOf(const PriorCalibration& calibration, const Eigen::VectorXf& correlation) const {
-    const RotationMode best = posterior_.FindModes(correlation, {.temperature = calibration.temperature}).front();
+  double ConfidenceOf(const PriorCalibration& calibration, const CodedPair& pair) const {
+    const RotationMode best = prior_.Hypotheses(pair.reference, pair.query, calibration.temperature).front();
     const double log_odds = calibration.confidence_slope * LogOdds(best.probability) +
                             calibration.confidence_score_weight * best.score + calibration.confidence_offset;
     return 1 / (1 + std::exp(-log_odds));
   }
 
   /// True rotations are at the peak with probability `right`, otherwise anywhere.
-  ScoredPairs Pairs(double height, double right, int count) {
-    ScoredPairs pairs;
+  CodedPairs Pairs(double height, double right, int count) {
+    CodedPairs pairs;
     for (int i = 0; i < count; ++i) {
       const Eigen::Matrix3d peak = RandomRotation(random_);
       const bool is_right = i < right * count;
-      pairs.same_object.push_back({PeakAt(peak, height), is_right ? peak : RandomRotation(random_)});
+      pairs.same_object.push_back(PeakAt(peak, height));
+      if (!is_right) pairs.same_object.back().query_from_reference = RandomRotation(random_);
     }
     return pairs;
   }
 
-  RotationPosterior posterior_{kDegree, 4000};
+  const ObjectPrior prior_ = PriorOfDegree4();
   std::mt19937_64 random_{5};
 };
 
 TEST_F(Calibration, TheConfidenceIsTheShareOfCorrectPairs) {
   for (const double right : {0.3, 0.8}) {
-    const ScoredPairs pairs = Pairs(20, right, 200);
-    const PriorCalibration calibration = FitCalibration(posterior_, pairs);
+    const CodedPairs pairs = Pairs(20, right, 200);
+    const PriorCalibration calibration = FitCalibration(prior_, pairs);
     double sum = 0;
-    for (const ScoredPair& pair : pairs.same_object) sum += ConfidenceOf(calibration, pair.correlation);
+    for (const CodedPair& pair : pairs.same_object) sum += ConfidenceOf(calibration, pair);
     EXPECT_NEAR(sum / 200, right, 0.05);
   }
 }
 
 TEST_F(Calibration, DifferentObjectsWithLowScoresGetLessConfidence) {
-  ScoredPairs pairs = Pairs(20, 0.7, 200);
+  CodedPairs pairs = Pairs(20, 0.7, 200);
   for (int i = 0; i < 200; ++i) pairs.different_objects.push_back(PeakAt(RandomRotation(random_), 8));
-  const PriorCalibration calibration = FitCalibration(posterior_, pairs);
+  const PriorCalibration calibration = FitCalibration(prior_, pairs);
   EXPECT_GT(calibration.confidence_score_weight, 0);
   EXPECT_LT(ConfidenceOf(calibration, pairs.different_objects.front()), 0.2);
-  EXPECT_GT(ConfidenceOf(calibration, pairs.same_object.front().correlation), 0.6);
+  EXPECT_GT(ConfidenceOf(calibration, pairs.same_object.front()), 0.6);
 }
 
-TEST_F(Calibration, NeedsPairs) { EXPECT_THROW(FitCalibration(posterior_, {}), Error); }
+TEST_F(Calibration, NeedsPairs) { EXPECT_THROW(FitCalibration(prior_, {}), Error); }
 
 }  // namespace
 }  // namespace antipode

@@ -106,7 +106,8 @@ VolumeNetImpl::VolumeNetImpl(const RefinerConfig& config) {
 }
 
 Tensor VolumeNetImpl::forward(const Tensor& mean_and_query, const Tensor& deviation) {
-  Tensor x = at::cat({mean_embed_->forward(mean_and_query), var_embed_->forward(deviation)}, 1);
+  const Tensor comparison = mean_embed_->forward(mean_and_query);
+  Tensor x = at::cat({comparison, var_embed_->forward(deviation).expand_as(comparison)}, 1);
   for (auto& convolution : convolutions_) x = convolution->forward(x);
   return x;
 }
@@ -159,17 +160,20 @@ RefinerImpl::RefinerImpl(const RefinerConfig& config) : config_(config) {
   regressor_ = register_module("regressor", PoseRegressor(config));
 }
 
-RefinerImpl::Volume RefinerImpl::BuildVolume(const Tensor& query, const PosedCamera& input, const Tensor& references,
-                                             const std::vector<PosedCamera>& cameras) const {
+RefinerImpl::ReferenceVolume RefinerImpl::BuildVolume(const PosedCamera& input, const Tensor& references,
+                                                      const std::vector<PosedCamera>& cameras) const {
   const std::int64_t grid = config_.grid;
-  const Tensor points = VolumePoints(input.camera_from_object, grid).to(query.device());
-  const auto as_volume = [&](const Tensor& values) { return values.view({-1, grid, grid, grid}); };
+  const Tensor points = VolumePoints(input.camera_from_object, grid).to(references.device());
   std::vector<Tensor> views;
   for (std::size_t i = 0; i < cameras.size(); ++i)
     views.push_back(SampleFeatures(references[static_cast<std::int64_t>(i)], cameras[i], points, kImageSize));
   const Tensor stacked = at::stack(views);
-  return {points, as_volume(stacked.mean(0)), as_volume(stacked.std(0)),
-          as_volume(SampleFeatures(query, input, points, kImageSize))};
+  const auto as_volume = [&](const Tensor& values) { return values.view({-1, grid, grid, grid}); };
+  return {points, as_volume(stacked.mean(0)), as_volume(stacked.std(0))};
+}
+
+Tensor RefinerImpl::Beside(const ReferenceVolume& volume, const Tensor& query, const PosedCamera& input) const {
+  return at::cat({volume.mean, SampleFeatures(query, input, volume.points, kImageSize).view(volume.mean.sizes())});
 }
 
 RefinerOutput RefinerImpl::forward(const Tensor& query, const std::vector<PosedCamera>& input, const Tensor& references,
@@ -177,8 +181,8 @@ RefinerOutput RefinerImpl::forward(const Tensor& query, const std::vector<PosedC
   std::vector<Tensor> means, deviations;
   for (std::size_t i = 0; i < input.size(); ++i) {
     const auto index = static_cast<std::int64_t>(i);
-    const Volume volume = BuildVolume(query[index], input[i], references[index], cameras[i]);
-    means.push_back(at::cat({volume.mean, volume.query}));
+    const ReferenceVolume volume = BuildVolume(input[i], references[index], cameras[i]);
+    means.push_back(Beside(volume, query[index], input[i]));
     deviations.push_back(volume.deviation);
   }
   const Tensor mean_and_query = at::stack(means), deviation = at::stack(deviations);
@@ -187,6 +191,14 @@ RefinerOutput RefinerImpl::forward(const Tensor& query, const std::vector<PosedC
   const Tensor volume = volume_net_->forward(mean_and_query, deviation);
   observation.Show("volume_out", volume);
   return regressor_->forward(volume);
+}
+
+RefinerOutput RefinerImpl::ForwardTogether(const Tensor& queries, const PosedCamera& input, const Tensor& references,
+                                           const std::vector<PosedCamera>& cameras) {
+  const ReferenceVolume volume = BuildVolume(input, references, cameras);
+  std::vector<Tensor> together;
+  for (const Tensor& query : queries.unbind()) together.push_back(Beside(volume, query, input));
+  return regressor_->forward(volume_net_->forward(at::stack(together), volume.deviation.unsqueeze(0)));
 }
 
 }  // namespace antipode

@@ -61,7 +61,7 @@ class VolumeNetImpl : public torch::nn::Module {
  public:
   explicit VolumeNetImpl(const RefinerConfig& config);
   /// @param mean_and_query [B, 4 feature_width, G, G, G]
-  /// @param deviation [B, 2 feature_width, G, G, G]
+  /// @param deviation [B or 1, 2 feature_width, G, G, G]
   torch::Tensor forward(const torch::Tensor& mean_and_query, const torch::Tensor& deviation);
 
  private:
@@ -110,18 +110,26 @@ class RefinerImpl : public torch::nn::Module {
   RefinerOutput forward(const torch::Tensor& query, const std::vector<PosedCamera>& input, const torch::Tensor& references,
                         const std::vector<std::vector<PosedCamera>>& cameras, const Observation& observation = {});
 
+  /// Several queries under one pose with one set of references: their volume is built once.
+  /// @param references [R, C, h, w] features
+  RefinerOutput ForwardTogether(const torch::Tensor& queries, const PosedCamera& input, const torch::Tensor& references,
+                                const std::vector<PosedCamera>& cameras);
+
   ImageBackbone& backbone() { return feature_net_->backbone(); }
   const RefinerConfig& config() const { return config_; }
 
-  /// Features of one query and its references in the volume.
-  struct Volume {
-    torch::Tensor points;     ///< [G^3, 3], object frame
-    torch::Tensor mean, deviation, query;  ///< [C, G, G, G]
+  /// Features of the references in the volume.
+  struct ReferenceVolume {
+    torch::Tensor points;           ///< [G^3, 3], object frame
+    torch::Tensor mean, deviation;  ///< [C, G, G, G]
   };
-  Volume BuildVolume(const torch::Tensor& query, const PosedCamera& input, const torch::Tensor& references,
-                     const std::vector<PosedCamera>& cameras) const;
+  ReferenceVolume BuildVolume(const PosedCamera& input, const torch::Tensor& references,
+                              const std::vector<PosedCamera>& cameras) const;
 
  private:
+  /// [2 C, G, G, G]: mean of the references, query.
+  torch::Tensor Beside(const ReferenceVolume& volume, const torch::Tensor& query, const PosedCamera& input) const;
+
   RefinerConfig config_;
   RefinerFeatureNet feature_net_{nullptr};
   VolumeNet volume_net_{nullptr};

@@ -31,14 +31,6 @@ Eigen::Matrix3d TurnAboutMiddle(double angle, int size) {
   return back * RotationAboutZ(angle) * to_middle;
 }
 
-PosedCamera CameraOf(const NormalizedView& view) { return {view.intrinsics, view.camera_from_object}; }
-
-std::vector<PosedCamera> CamerasOf(const std::vector<NormalizedView>& views) {
-  std::vector<PosedCamera> cameras;
-  for (const NormalizedView& view : views) cameras.push_back(CameraOf(view));
-  return cameras;
-}
-
 std::vector<Rigid3> PosesOf(const std::vector<PosedPicture>& views) {
   std::vector<Rigid3> poses;
   for (const PosedPicture& view : views) poses.push_back(view.camera_from_object);
@@ -50,6 +42,14 @@ Eigen::Matrix3d RotationOf(const float* quaternion) {
 }
 
 }  // namespace
+
+PosedCamera CameraOf(const NormalizedView& view) { return {view.intrinsics, view.camera_from_object}; }
+
+std::vector<PosedCamera> CamerasOf(const std::vector<NormalizedView>& views) {
+  std::vector<PosedCamera> cameras;
+  for (const NormalizedView& view : views) cameras.push_back(CameraOf(view));
+  return cameras;
+}
 
 ViewMatchingConventions ViewMatchingConventions::Published() {
   ViewMatchingConventions conventions;

@@ -83,6 +83,9 @@ struct SelectedPose {
 std::vector<SelectedPose> SelectViews(Selector& selector, const SelectorReferences& references, const QueryPicture& query,
                                       const QueryCrop& crop, const ViewMatchingConventions& conventions = {});
 
+PosedCamera CameraOf(const NormalizedView& view);
+std::vector<PosedCamera> CamerasOf(const std::vector<NormalizedView>& views);
+
 /// One refinement step's pictures and cameras.
 struct RefinementInput {
   NormalizedView query;

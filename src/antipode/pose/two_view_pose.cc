@@ -47,11 +47,11 @@ struct PriorOpinion {
   std::vector<RotationMode> modes;
 };
 
-PriorOpinion AskPrior(const ObjectPrior& prior, const CroppedPair& views, int hypotheses, TwoViewPose& result) {
+PriorOpinion AskPrior(const ObjectPrior& prior, const CroppedPair& views, const TwoViewPoseOptions& options, TwoViewPose& result) {
   Stopwatch stopwatch;
   PriorOpinion opinion{prior.Encode(views), {}};
   result.timings_s["encode"] = stopwatch.Lap();
-  opinion.modes = prior.Compare(opinion.codes[0], opinion.codes[1], {.max_modes = hypotheses});
+  opinion.modes = prior.Compare(opinion.codes[0], opinion.codes[1], {.max_modes = options.hypotheses}, options.roll);
   result.timings_s["compare"] = stopwatch.Lap();
   for (const RotationMode& mode : opinion.modes)
     result.hypotheses.push_back({ComposeFromCrops(views[0], views[1], mode.rotation), mode.probability, "prior"});
@@ -186,7 +186,7 @@ TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& refer
   Stopwatch stopwatch;
   CroppedPair views = Crop(reference, query, prior.ViewOptions());
   result.timings_s["crop"] = stopwatch.Lap();
-  const PriorOpinion opinion = AskPrior(prior, views, options.hypotheses, result);
+  const PriorOpinion opinion = AskPrior(prior, views, options, result);
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   result.confidence = prior.Confidence(opinion.modes.front());
   Keep(std::move(views), result);
@@ -222,12 +222,12 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   CroppedPair small = Crop(reference, query, prior.ViewOptions());
   const CroppedPair large = Crop(reference, query, {.size = options.matching_size});
   result.timings_s["crop"] = stopwatch.Lap();
-  const PriorOpinion opinion = AskPrior(prior, small, options.hypotheses, result);
+  const PriorOpinion opinion = AskPrior(prior, small, options, result);
   const double prior_confidence = prior.Confidence(opinion.modes.front());
   result.confidence = prior_confidence;
 
   ViewMatchingOptions matching = options.matching;
-  const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1]);
+  const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1], options.roll);
   matching.quarter_turns = TurnsSuggestedBy(posterior);
   for (const RotationMode& mode : opinion.modes) matching.starts.push_back(mode.rotation);
   const MatchedViews matched = Match(matcher, large, matching, result);

@@ -50,6 +50,7 @@ struct TwoViewPose {
 struct TwoViewPoseOptions {
   int hypotheses = 5;       ///< how many to list at most
   int matching_size = 640;  ///< side of the crops that are matched, pixels
+  CameraRoll roll = CameraRoll::kAny;  ///< what the prior may assume of the cameras
   ViewMatchingOptions matching;
   void Check() const;
 };

@@ -6,6 +6,7 @@
 
 #include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/nn/parts.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
 #include "antipode/weights/registry.h"
@@ -19,10 +20,16 @@ struct CalibrationField {
 };
 constexpr CalibrationField kCalibrationFields[] = {
     {"temperature", &PriorCalibration::temperature},
+    {"mode_weight", &PriorCalibration::mode_weight},
+    {"ranker_weight", &PriorCalibration::ranker_weight},
     {"confidence_slope", &PriorCalibration::confidence_slope},
     {"confidence_score_weight", &PriorCalibration::confidence_score_weight},
     {"confidence_offset", &PriorCalibration::confidence_offset},
 };
+
+constexpr int kWeighedModes = 8;
+constexpr double kLevelWeight = 0.6;  // less than 1: the network knows already that most cameras are held level
+constexpr double kLeastWeighedProbability = 5e-4;
 
 /// s with Y(M x) = s Y(x) for the mirror M = diag(-1, 1, 1); every harmonic is even or odd in x.
 torch::Tensor MirrorSigns(int max_degree) {
@@ -34,7 +41,32 @@ torch::Tensor MirrorSigns(int max_degree) {
   return signs;
 }
 
+/// Empty if the file has no second stage.
+ModeRanker LoadRanker(const TensorFile& file, const std::string& source) {
+  const TensorFile tensors = WithoutPrefix(file, kRankerPrefix);
+  if (tensors.tensors.empty()) return nullptr;
+  ModeRanker ranker(ModeRankerConfig::FromMetadata(file.metadata, source));
+  LoadInto(*ranker, tensors, source);
+  ranker->eval();
+  return ranker;
+}
+
 }  // namespace
+
+void Reweigh(std::vector<RotationMode>& modes, const PriorCalibration& calibration, CameraRoll roll) {
+  std::vector<double> logits;
+  double total = 0;
+  for (const RotationMode& mode : modes) {
+    total += mode.probability;
+    logits.push_back(calibration.mode_weight * std::log(std::max(mode.probability, 1e-12)) + calibration.ranker_weight * mode.log_weight);
+    if (roll == CameraRoll::kLevel) logits.back() += kLevelWeight * LogDensityOfLevelCameras(mode.rotation);
+  }
+  const double highest = *std::ranges::max_element(logits);
+  double sum = 0;
+  for (double& logit : logits) sum += logit = std::exp(logit - highest);
+  for (std::size_t k = 0; k < modes.size(); ++k) modes[k].probability = total * logits[k] / sum;
+  std::ranges::stable_sort(modes, std::ranges::greater(), &RotationMode::probability);
+}
 
 std::map<std::string, std::string> PriorCalibration::ToMetadata() const {
   std::map<std::string, std::string> metadata;
@@ -73,14 +105,17 @@ torch::Tensor EncoderInput(std::span<const ObjectView> views, int size) {
 ObjectPrior ObjectPrior::Load(const std::string& model_or_folder, torch::Device device) {
   const TensorFile file = LoadModel(model_or_folder);
   ObjectEncoder encoder(ObjectEncoderConfig::FromMetadata(file.metadata, model_or_folder));
-  LoadInto(*encoder, file, model_or_folder);
+  TensorFile first_stage = file;
+  std::erase_if(first_stage.tensors, [](const auto& item) { return item.first.starts_with(kRankerPrefix); });
+  LoadInto(*encoder, first_stage, model_or_folder);
   encoder->backbone->AbsorbNormalization();
-  return ObjectPrior(std::move(encoder), device, PriorCalibration::FromMetadata(file.metadata, model_or_folder));
+  return ObjectPrior(std::move(encoder), device, PriorCalibration::FromMetadata(file.metadata, model_or_folder),
+                     LoadRanker(file, model_or_folder));
 }
 
-ObjectPrior::ObjectPrior(ObjectEncoder encoder, torch::Device device,
-                         const PriorCalibration& calibration)
+ObjectPrior::ObjectPrior(ObjectEncoder encoder, torch::Device device, const PriorCalibration& calibration, ModeRanker ranker)
     : encoder_(std::move(encoder)),
+      ranker_(std::move(ranker)),
       device_(device),
       calibration_(calibration),
       mirror_signs_(MirrorSigns(encoder_->config().max_degree)),
@@ -96,10 +131,14 @@ ObjectViewOptions ObjectPrior::ViewOptions() const {
 }
 
 torch::Tensor ObjectPrior::Encode(std::span<const ObjectView> views) const {
+  return EncodeImages(EncoderInput(views, encoder_->config().image_size));
+}
+
+torch::Tensor ObjectPrior::EncodeImages(const torch::Tensor& images) const {
   const torch::InferenceMode inference;
-  const auto images = EncoderInput(views, encoder_->config().image_size).to(device_);
+  const torch::Tensor here = images.to(device_);
   ObjectEncoder encoder = encoder_;
-  const auto both = encoder->forward(torch::cat({images, images.flip(3)})).to(torch::kCPU).chunk(2);
+  const auto both = encoder->forward(torch::cat({here, here.flip(3)})).to(torch::kCPU).chunk(2);
   // Two codes in one, so that the score of a pair is the mean of both scores.
   const auto codes = torch::cat({both[0], both[1] * mirror_signs_}, 1) * std::sqrt(0.5);
   if (!torch::isfinite(codes).all().item<bool>())
@@ -126,13 +165,42 @@ Eigen::VectorXf ObjectPrior::Correlation(const torch::Tensor& reference_code,
 
 std::vector<RotationMode> ObjectPrior::Compare(const torch::Tensor& reference_code,
                                                const torch::Tensor& query_code,
-                                               PosteriorOptions options) const {
-  options.temperature *= calibration_.temperature;
-  return posterior_->FindModes(Correlation(reference_code, query_code), options);
+                                               PosteriorOptions options, CameraRoll roll) const {
+  const double temperature = options.temperature * calibration_.temperature;
+  std::vector<RotationMode> modes = Hypotheses(reference_code, query_code, temperature, options);
+  Reweigh(modes, calibration_, roll);
+  if (modes.size() > static_cast<std::size_t>(options.max_modes)) modes.resize(options.max_modes);
+  std::erase_if(modes, [&](const RotationMode& mode) {
+    return &mode != &modes.front() && mode.probability < options.least_probability;
+  });
+  return modes;
 }
 
-GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code) const {
-  return posterior_->OnGrid(Correlation(reference_code, query_code), {.temperature = calibration_.temperature});
+std::vector<RotationMode> ObjectPrior::Hypotheses(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                                  double temperature, PosteriorOptions options) const {
+  options.temperature = temperature;
+  options.max_modes = std::max(options.max_modes, kWeighedModes);
+  options.least_probability = std::min(options.least_probability, kLeastWeighedProbability);
+  std::vector<RotationMode> modes = posterior_->FindModes(Correlation(reference_code, query_code), options);
+  if (ranker_.is_empty()) return modes;
+  ModeRanker ranker = ranker_;
+  const std::vector<double> log_weights = ranker->LogWeights(reference_code, query_code, modes);
+  for (std::size_t k = 0; k < modes.size(); ++k) modes[k].log_weight = log_weights[k];
+  return modes;
+}
+
+GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code, CameraRoll roll) const {
+  GridPosterior posterior = posterior_->OnGrid(Correlation(reference_code, query_code), {.temperature = calibration_.temperature});
+  if (ranker_.is_empty() && roll == CameraRoll::kAny) return posterior;
+  std::vector<RotationMode> modes = Hypotheses(reference_code, query_code, calibration_.temperature);
+  const std::vector<RotationMode> before = modes;
+  Reweigh(modes, calibration_, roll);
+  for (const RotationMode& mode : modes) {
+    const auto old = std::ranges::find_if(before, [&](const RotationMode& other) { return other.rotation == mode.rotation; });
+    posterior.ScaleAround(mode.rotation, mode.probability / std::max(old->probability, 1e-12));
+  }
+  posterior.weights /= posterior.weights.sum();
+  return posterior;
 }
 
 double ObjectPrior::Confidence(const RotationMode& best) const {

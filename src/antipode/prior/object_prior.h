@@ -10,10 +10,15 @@
 #include <torch/torch.h>
 
 #include "antipode/object/object_view.h"
+#include "antipode/prior/level_cameras.h"
+#include "antipode/prior/mode_ranker.h"
 #include "antipode/prior/object_encoder.h"
 #include "antipode/prior/posterior.h"
 
 namespace antipode {
+
+/// Where a prior's file holds the second stage; everything else is the encoder's.
+inline constexpr char kRankerPrefix[] = "ranker.";
 
 /// Images as the encoder takes them: [N, 3, S, S], RGB in 0..1.
 /// @throws Error if a view is not `size` pixels wide
@@ -23,6 +28,10 @@ torch::Tensor EncoderInput(std::span<const ObjectView> views, int size);
 /// model's metadata.
 struct PriorCalibration {
   double temperature = 1;         ///< of the posterior; `PosteriorOptions::temperature` multiplies it
+  /// With a second stage: the new log probability of a mode is mode_weight * (its old one) + ranker_weight * (its log
+  /// weight), up to a constant.
+  double mode_weight = 1;
+  double ranker_weight = 1;
   /// confidence = sigmoid(slope * logit(probability) + score_weight * score + offset), of the best mode
   double confidence_slope = 1;
   double confidence_score_weight = 0;
@@ -34,14 +43,20 @@ struct PriorCalibration {
                                        const std::string& file);
 };
 
-/// The built-in prior: codes of object-centric images, and the posterior over the rotation between two.
+/// Gives the modes the probabilities that the second stage suggests, p_k' ~ p_k^mode_weight exp(ranker_weight w_k) with
+/// the same sum, and sorts them. For level cameras they are multiplied by their density to the power of 0.6, too.
+void Reweigh(std::vector<RotationMode>& modes, const PriorCalibration& calibration, CameraRoll roll = CameraRoll::kAny);
+
+/// The built-in prior: codes of object-centric images, and the posterior over the rotation between two. Most priors
+/// have a second stage (mode_ranker.h), which weighs the posterior's modes anew.
 class ObjectPrior {
  public:
   /// From a shipped or imported model ("prior"), or a folder that `antipode train prior` wrote.
   /// @throws BadFile naming the model file and what is wrong with it
   static ObjectPrior Load(const std::string& model_or_folder, torch::Device device = torch::kCPU);
 
-  ObjectPrior(ObjectEncoder encoder, torch::Device device, const PriorCalibration& calibration = {});
+  ObjectPrior(ObjectEncoder encoder, torch::Device device, const PriorCalibration& calibration = {},
+              ModeRanker ranker = nullptr);
 
   /// Crops must be made with these options.
   ObjectViewOptions ViewOptions() const;
@@ -50,6 +65,7 @@ class ObjectPrior {
   /// errors on both differ. The mirrored code is mirrored back and appended as further channels.
   /// @return [N, 2 C, (L + 1)^2], on the CPU
   torch::Tensor Encode(std::span<const ObjectView> views) const;
+  torch::Tensor EncodeImages(const torch::Tensor& images) const;  ///< of EncoderInput
 
   /// The code of an object seen in several posed views: the mean of their codes, each turned into the object's frame,
   /// mean_i D(R_i^T) F_i. Comparing it gives rotations query_crop_from_object.
@@ -61,16 +77,24 @@ class ObjectPrior {
   /// Peaks of p(query_crop_from_reference_crop), best first.
   /// @param reference_code, query_code [C, (L + 1)^2]
   std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,
-                                    PosteriorOptions options = {}) const;
+                                    PosteriorOptions options = {}, CameraRoll roll = CameraRoll::kAny) const;
 
-  /// The whole posterior, at the calibrated temperature; valid as long as this prior.
-  GridPosterior OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code) const;
+  /// The modes that may be weighed anew, at least 8 if there are so many: of the first stage, with the log weights of the
+  /// second one but not yet weighed by them.
+  /// @param temperature of the posterior
+  std::vector<RotationMode> Hypotheses(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                       double temperature, PosteriorOptions options = {}) const;
+
+  /// The whole posterior, at the calibrated temperature; valid as long as this prior. What lies near a mode shares the
+  /// change of its probability by the second stage and by what is known of the cameras.
+  GridPosterior OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code, CameraRoll roll = CameraRoll::kAny) const;
 
   /// The stacked C_l of a pair (see correlation.h), not yet divided by the temperature.
   Eigen::VectorXf Correlation(const torch::Tensor& reference_code, const torch::Tensor& query_code) const;
 
   const RotationPosterior& posterior() const { return *posterior_; }
   const PriorCalibration& calibration() const { return calibration_; }
+  bool HasSecondStage() const { return !ranker_.is_empty(); }
 
   /// How often the best rotation is within 30 degrees of the truth: a logistic function of the log odds and the
   /// score of its mode, fitted on validation objects; part of the model. The probability tells how much better
@@ -79,6 +103,7 @@ class ObjectPrior {
 
  private:
   ObjectEncoder encoder_;
+  ModeRanker ranker_;
   torch::Device device_;
   PriorCalibration calibration_;
   torch::Tensor mirror_signs_;  // [(L + 1)^2]

@@ -6,6 +6,7 @@
 #include "antipode/geometry/so3_grid.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/geometry/rotation.h"
+#include "antipode/nn/synthetic_weights.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
@@ -97,6 +98,34 @@ TEST(ObjectPrior, ConfidenceIsALogisticFunctionOfTheLogOdds) {
   EXPECT_EQ(PriorCalibration::FromMetadata(metadata, "x").confidence_offset, 1);
   EXPECT_THROW(PriorCalibration::FromMetadata({{"temperature", "-1"}}, "x"), BadFile);
   EXPECT_THROW(PriorCalibration::FromMetadata({{"temperature", "warm"}}, "x"), BadFile);
+}
+
+TEST(ObjectPrior, TheSecondStageWeighsModesAndPosteriorAlike) {
+  ModeRanker ranker(ModeRankerConfig{.max_degree = 4, .channels = 12, .points = 24, .width = 8, .hidden = 8});
+  FillSynthetic(*ranker, "ranker.");
+  PriorCalibration calibration;
+  calibration.temperature = 0.4;
+  calibration.ranker_weight = 30;
+  const ObjectPrior one(SmallEncoder(), torch::kCPU, calibration), both(SmallEncoder(), torch::kCPU, calibration, ranker);
+  EXPECT_FALSE(one.HasSecondStage());
+  EXPECT_TRUE(both.HasSecondStage());
+  const auto codes = one.Encode(std::vector{ViewWithDisc(40, 22), ViewWithDisc(15, 30)});
+  const auto before = one.Compare(codes[0], codes[1], {.max_modes = 8, .least_probability = 0});
+  const auto after = both.Compare(codes[0], codes[1], {.max_modes = 8, .least_probability = 0});
+  ASSERT_EQ(before.size(), after.size());
+  ASSERT_GT(after.size(), 1u);
+  double sum_before = 0, sum_after = 0, change = 0;
+  const GridPosterior posterior = both.OnGrid(codes[0], codes[1]);
+  EXPECT_NEAR(posterior.weights.sum(), 1, 1e-9);
+  for (std::size_t k = 0; k < after.size(); ++k) {
+    sum_before += before[k].probability;
+    sum_after += after[k].probability;
+    change += std::abs(after[k].probability - before[k].probability);
+    EXPECT_NEAR(posterior.MassAround(after[k].rotation), after[k].probability, 0.02);
+    EXPECT_LE(after[k].probability, after[k == 0 ? 0 : k - 1].probability);
+  }
+  EXPECT_NEAR(sum_before, sum_after, 1e-9);
+  EXPECT_GT(change, 0.02);
 }
 
 TEST(ObjectPrior, RefusesCropsOfAnotherSize) {

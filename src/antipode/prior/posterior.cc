@@ -55,6 +55,12 @@ double GridPosterior::MassAround(const Eigen::Matrix3d& rotation, double radius_
   return mass;
 }
 
+void GridPosterior::ScaleAround(const Eigen::Matrix3d& rotation, double factor, double radius_deg) {
+  const double least_trace = TraceAtAngle(radius_deg);
+  for (std::size_t g = 0; g < rotations.size(); ++g)
+    if (TraceOfDifference(rotation, rotations[g]) >= least_trace) weights[static_cast<Eigen::Index>(g)] *= factor;
+}
+
 RotationPosterior::RotationPosterior(int max_degree, int grid_size)
     : max_degree_(max_degree),
       grid_(SuperFibonacciRotations(grid_size)),

@@ -14,6 +14,7 @@ struct RotationMode {
   Eigen::Matrix3d rotation;  ///< query_from_reference
   double probability = 0;    ///< posterior mass within `PosteriorOptions::mass_radius_deg`
   double score = 0;          ///< s(R) / temperature
+  double log_weight = 0;     ///< what the second stage says, see mode_ranker.h; 0 without one
 };
 
 struct PosteriorOptions {
@@ -35,6 +36,9 @@ struct GridPosterior {
 
   /// Mass within `radius_deg` of a rotation.
   double MassAround(const Eigen::Matrix3d& rotation, double radius_deg = 15) const;
+
+  /// Multiplies the mass within `radius_deg` of a rotation.
+  void ScaleAround(const Eigen::Matrix3d& rotation, double factor, double radius_deg = 15);
 };
 
 /// Evaluates and maximises band-limited scores s(R) = sum_l <C_l, D_l(R)> over SO(3).

@@ -296,8 +296,8 @@ class Trainer {
     if (!options_.validation_objects.empty()) {
       if (progress_) progress_({"validating", step_, 0, {}});
       const ObjectPrior prior(AveragedEncoder(), device_);
-      auto pairs = ScorePairs(prior, options_.validation_objects, 0);
-      auto rolled = ScorePairs(prior, options_.validation_objects, 45);
+      auto pairs = EncodePairs(prior, options_.validation_objects, 0);
+      auto rolled = EncodePairs(prior, options_.validation_objects, 45);
       const RotationAccuracy level = MeasureAccuracy(prior, pairs.same_object);
       const RotationAccuracy tilted = MeasureAccuracy(prior, rolled.same_object);
       char text[96];
@@ -305,7 +305,7 @@ class Trainer {
       WriteLog(text);
       validation_ = text;
       pairs.Append(std::move(rolled));
-      calibration_ = FitCalibration(prior.posterior(), pairs);
+      calibration_ = FitCalibration(prior, pairs);
     }
     SaveAveragedModel();
     last_validation_ = Clock::now();

@@ -11,6 +11,7 @@
 #include "antipode/geometry/rotation.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/util/error.h"
+#include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
 #include "antipode/util/stopwatch.h"
@@ -21,6 +22,9 @@ namespace {
 
 using torch::Tensor;
 namespace fs = std::filesystem;
+
+constexpr int kStepsOfAverage = 100;
+constexpr int kWarmUpSteps = 200;
 
 double Uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
@@ -44,17 +48,28 @@ QueryCrop JitteredCrop(const PosedPicture& query, std::mt19937_64& random) {
   return {centre + scale * Eigen::Vector2d(Uniform(random, -6, 6), Uniform(random, -6, 6)), scale};
 }
 
+/// Some of the indices below `count`, each once.
+std::vector<std::size_t> Chosen(std::size_t count, int most, std::mt19937_64& random) {
+  std::vector<std::size_t> order(count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::shuffle(order, random);
+  order.resize(std::min(count, static_cast<std::size_t>(most)));
+  return order;
+}
+
+/// Of one step; `uninformed` is the loss of a network that says nothing.
+struct StepLoss {
+  Tensor loss;
+  double uninformed = 0;
+};
+
 class SelectorStep {
  public:
-  SelectorStep(Selector selector, int views) : selector_(std::move(selector)), views_(static_cast<std::size_t>(views)) {}
+  SelectorStep(Selector selector, int views) : selector_(std::move(selector)), views_(views) {}
 
-  Tensor Loss(const PosedObject& object, int queries, std::mt19937_64& random) {
-    std::vector<std::size_t> order(object.views.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::ranges::shuffle(order, random);
-    order.resize(std::min(order.size(), views_));
+  StepLoss Loss(const PosedObject& object, int queries, std::mt19937_64& random) {
     std::vector<PosedPicture> references;
-    for (const std::size_t i : order) references.push_back(object.views[i]);
+    for (const std::size_t i : Chosen(object.views.size(), views_, random)) references.push_back(object.views[i]);
     const SelectorReferences prepared = PrepareReferences(selector_, references);
     SelectorFeatures features;  // inference tensors take no part in training
     for (const Tensor& level : prepared.features) features.push_back(level.clone());
@@ -64,14 +79,18 @@ class SelectorStep {
     std::vector<float> angles;
     std::vector<std::int64_t> nearest;
     for (int i = 0; i < queries; ++i) {
-      const PosedPicture& query = object.queries[Index(random, object.queries.size())];
+      const auto& group = object.groups[Index(random, object.groups.size())].queries;
+      const PosedPicture& query = group[Index(random, group.size())];
       crops.push_back(CropQuery(query.rgb, JitteredCrop(query, random), {}));
       AddTargets(prepared.views, query, scores, angles, nearest);
     }
     const SelectorOutput output = selector_->forward(selector_->Features(ToImages(crops)), features, prepared.viewpoints.clone());
-    return (ViewSelectionLoss(output.logits, torch::stack(scores)) +
-            InPlaneAngleLoss(output.angles, torch::tensor(angles), torch::tensor(nearest, torch::kLong)))
-        .mean();
+    const auto loss = [&](const SelectorOutput& answer) {
+      return (ViewSelectionLoss(answer.logits, torch::stack(scores)) +
+              InPlaneAngleLoss(answer.angles, torch::tensor(angles), torch::tensor(nearest, torch::kLong)))
+          .mean();
+    };
+    return {loss(output), loss({torch::zeros_like(output.logits), torch::zeros_like(output.angles)}).item<double>()};
   }
 
  private:
@@ -90,53 +109,41 @@ class SelectorStep {
   }
 
   Selector selector_;
-  std::size_t views_;
+  int views_;
 };
 
 class RefinerStep {
  public:
   explicit RefinerStep(Refiner refiner) : refiner_(std::move(refiner)) {}
 
-  Tensor Loss(const PosedObject& object, int queries, std::mt19937_64& random) {
-    std::vector<Tensor> query_features, reference_features, points, centres, targets;
-    std::vector<PosedCamera> inputs;
-    std::vector<std::vector<PosedCamera>> cameras;
-    for (int i = 0; i < queries; ++i) {
-      const PosedPicture& query = object.queries[Index(random, object.queries.size())];
-      const RefinementInput input = PrepareRefinement(object.views, {query.rgb, query.intrinsics}, StartingPose(object, query, random));
-      query_features.push_back(refiner_->Features(ToImages({input.query_picture}))[0]);
-      reference_features.push_back(refiner_->Features(ToImages(input.reference_pictures)));
-      inputs.push_back({input.query.intrinsics, input.query.camera_from_object});
-      cameras.emplace_back();
-      for (const NormalizedView& view : input.references) cameras.back().push_back({view.intrinsics, view.camera_from_object});
+  StepLoss Loss(const PosedObject& object, int most_queries, std::mt19937_64& random) {
+    const QueryGroup& group = object.groups[Index(random, object.groups.size())];
+    const PosedPicture& first = group.queries.front();
+    const RefinementInput input = PrepareRefinement(object.views, {first.rgb, first.intrinsics}, group.coarse_camera_from_object);
+    const Rigid3& pose = input.query.camera_from_object;
+    const Tensor centre = ToTensor(pose.translation.transpose());
+    const Tensor points = torch::matmul(VolumePoints(pose, kLossGrid), ToTensor(pose.rotation).t()) + centre;
+
+    std::vector<cv::Mat> pictures;
+    std::vector<Tensor> targets;
+    for (const std::size_t i : Chosen(group.queries.size(), most_queries, random)) {
+      const PosedPicture& query = group.queries[i];
+      pictures.push_back(WarpPicture(query.rgb, input.query.normalized_pixel_from_pixel, Refiner::Impl::kImageSize, 255));
       const Rigid3 truth = Rigid3{input.query.normalized_from_camera, Eigen::Vector3d::Zero()} * query.camera_from_object;
-      const PoseChange change = ChangeBetween(input.query.intrinsics, input.query.camera_from_object, input.query.intrinsics, truth);
-      const Rigid3& pose = input.query.camera_from_object;
-      targets.push_back(ToTensor(SimilarityOf(change, pose)));
-      centres.push_back(ToTensor(pose.translation.transpose())[0]);
-      points.push_back(torch::matmul(VolumePoints(pose, kLossGrid), ToTensor(pose.rotation).t()) + ToTensor(pose.translation.transpose()));
+      targets.push_back(ToTensor(SimilarityOf(ChangeBetween(input.query.intrinsics, pose, input.query.intrinsics, truth), pose)));
     }
-    const RefinerOutput output = refiner_->forward(torch::stack(query_features), inputs, torch::stack(reference_features), cameras);
-    return PoseChangeLoss(output, torch::stack(points), torch::stack(centres), torch::stack(targets)).mean();
+    const auto count = static_cast<std::int64_t>(targets.size());
+    const RefinerOutput output = refiner_->ForwardTogether(refiner_->Features(ToImages(pictures)), CameraOf(input.query),
+                                                           refiner_->Features(ToImages(input.reference_pictures)), CamerasOf(input.references));
+    const auto loss = [&](const RefinerOutput& change) {
+      return PoseChangeLoss(change, points.expand({count, -1, -1}), centre.expand({count, -1}), torch::stack(targets)).mean();
+    };
+    const RefinerOutput unchanged{torch::tensor({{1.f, 0.f, 0.f, 0.f}}).expand({count, 4}), torch::zeros({count, 2}), torch::zeros({count, 1})};
+    return {loss(output), loss(unchanged).item<double>()};
   }
 
  private:
   static constexpr std::int64_t kLossGrid = 8;
-
-  /// What a view near to the query would give as a coarse pose: its direction, with errors of angle, place and size.
-  static Rigid3 StartingPose(const PosedObject& object, const PosedPicture& query, std::mt19937_64& random) {
-    std::vector<Rigid3> poses;
-    for (const PosedPicture& view : object.views) poses.push_back(view.camera_from_object);
-    const auto nearest = NearestViews(poses, query.camera_from_object, 6);
-    const PosedPicture& view = object.views[nearest[Index(random, nearest.size())]];
-    const NormalizedView upright = NormalizeUpright(view.intrinsics, view.camera_from_object);
-    const auto difference = InPlaneDifferenceOf(upright.intrinsics, upright.camera_from_object, query.intrinsics, query.camera_from_object);
-    QueryCrop crop{(query.intrinsics * query.camera_from_object.translation).hnormalized(), difference.scale};
-    crop.position += crop.scale * Eigen::Vector2d(Uniform(random, -6, 6), Uniform(random, -6, 6));
-    crop.scale *= std::exp2(Uniform(random, -0.2, 0.2));
-    const double angle = difference.angle + RadiansFromDegrees(Uniform(random, -15, 15));
-    return PoseFromSelectedView(crop, angle, upright.camera_from_object, upright.intrinsics, query.intrinsics);
-  }
 
   Refiner refiner_;
 };
@@ -156,21 +163,22 @@ class Training {
     const std::vector<PosedObject> objects = RenderPosedObjects(options_.objects, options_.rendering, progress_);
     fs::create_directories(options_.out);
     std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
-    if (!options_.resume) log << "step,minutes,loss\n";
+    if (!options_.resume) log << "step,minutes,loss,uninformed\n";
     torch::optim::AdamW optimizer(Trained(), torch::optim::AdamWOptions(options_.learning_rate).weight_decay(options_.weight_decay));
     stopwatch_ = {};
     ViewComparisonTrainingResult result;
     for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
       std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(first_step_ + result.steps)));
-      const double rate = options_.learning_rate * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction(result.steps))));
-      static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(rate);
+      const double warm_up = std::min(1.0, (result.steps + 1.0) / kWarmUpSteps);
+      const double rate = warm_up * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction(result.steps))));
+      static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(options_.learning_rate * rate);
       optimizer.zero_grad();
-      const Tensor loss = step.Loss(objects[Index(random, objects.size())], options_.batch, random);
-      Account(loss.template item<double>(), result);
-      loss.backward();
+      const StepLoss of_step = step.Loss(objects[Index(random, objects.size())], options_.batch, random);
+      Account(of_step, result);
+      of_step.loss.backward();
       torch::nn::utils::clip_grad_norm_(Trained(), options_.gradient_clip);
       optimizer.step();
-      if (result.steps % 20 == 0) log << first_step_ + result.steps << ',' << Minutes() << ',' << result.last_loss << std::endl;
+      if (result.steps % 20 == 0) log << first_step_ + result.steps << ',' << Minutes() << ',' << result.last_loss << ',' << result.uninformed_loss << std::endl;
     }
     result.model = Save(result);
     return result;
@@ -221,14 +229,16 @@ class Training {
     first_step_ = std::stoll(file.metadata.at("steps"));
   }
 
-  void Account(double loss, ViewComparisonTrainingResult& result) const {
+  void Account(const StepLoss& of_step, ViewComparisonTrainingResult& result) const {
+    const double loss = of_step.loss.item<double>();
     if (!std::isfinite(loss)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
-    constexpr double kShown = 20;
-    if (result.steps < kShown) result.first_loss += (loss - result.first_loss) / static_cast<double>(result.steps + 1);
-    const double weight = 1 / std::min(kShown, static_cast<double>(result.steps + 1));
+    const double weight = 1 / std::min<double>(kStepsOfAverage, static_cast<double>(result.steps + 1));
     result.last_loss += weight * (loss - result.last_loss);
+    result.uninformed_loss += weight * (of_step.uninformed - result.uninformed_loss);
+    if (result.steps < kStepsOfAverage) result.first_loss = result.last_loss;
     if (progress_)
-      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(result.steps)), 1000, "loss " + std::to_string(result.last_loss)});
+      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(result.steps)), 1000,
+                 Formatted("loss %.4f, %.4f if it said nothing", result.last_loss, result.uninformed_loss)});
   }
 
   fs::path Save(const ViewComparisonTrainingResult& result) {
@@ -240,7 +250,8 @@ class Training {
     file.metadata["steps"] = std::to_string(first_step_ + result.steps);
     SaveModel(options_.out, name_, file, "Gen6D's " + name_ + ", trained on rendered objects", "Apache-2.0",
               "# " + name_ + "\n\nTrained by `antipode train " + name_ + "`: " + std::to_string(first_step_ + result.steps) + " steps, seed " +
-                  std::to_string(options_.seed) + ", loss " + std::to_string(result.last_loss) + ".\n");
+                  std::to_string(options_.seed) +
+                  Formatted(", loss %.4f (%.4f for a network that says nothing).\n", result.last_loss, result.uninformed_loss));
     return options_.out / name_;
   }
 

@@ -17,7 +17,7 @@ struct ViewComparisonTrainingOptions {
   std::string backbone_model = "prior";  ///< whose backbone the built-in networks share
   double minutes = 60;
   int iterations = 0;              ///< if positive, the budget instead of `minutes`
-  int batch = 4;                   ///< queries a step
+  int batch = 8;                   ///< queries a step; the refiner's are of one group, see QueryGroup
   int views = 24;                  ///< references that the selector chooses from
   double learning_rate = 5e-4;
   double weight_decay = 1e-3;
@@ -30,7 +30,8 @@ struct ViewComparisonTrainingOptions {
 
 struct ViewComparisonTrainingResult {
   std::int64_t steps = 0;
-  double first_loss = 0, last_loss = 0;  ///< means of the first and the last 20 steps
+  double first_loss = 0, last_loss = 0;  ///< means of the first and the last 100 steps
+  double uninformed_loss = 0;            ///< of a network that says nothing, in the last 100 steps
   std::filesystem::path model;
 };
 

@@ -37,7 +37,8 @@ ViewComparisonTrainingOptions TinyTraining(const std::filesystem::path& folder) 
   options.batch = 1;
   options.views = 8;
   options.rendering.views = 8;
-  options.rendering.queries = 2;
+  options.rendering.query_groups = 1;
+  options.rendering.queries_per_group = 2;
   return options;
 }
 
@@ -78,9 +79,9 @@ TEST(TrainSelector, TheModelOnlyLoadsBesideItsBackbone) {
 TEST(RenderPosedObjects, QueriesShowTheObjectWhereTheirPosesSay) {
   const TemporaryFolder temporary;
   WriteFileAtomically(temporary.path() / "a.glb", TetrahedronGlb(0.8f));
-  const auto objects = RenderPosedObjects(temporary.path(), {.views = 8, .queries = 3});
+  const auto objects = RenderPosedObjects(temporary.path(), {.views = 8, .query_groups = 1, .queries_per_group = 3});
   ASSERT_EQ(objects.size(), 1u);
-  for (const PosedPicture& query : objects[0].queries) {
+  for (const PosedPicture& query : objects[0].groups[0].queries) {
     const Eigen::Vector2d centre = (query.intrinsics * query.camera_from_object.translation).hnormalized();
     const auto pixel = query.rgb.at<cv::Vec3b>(static_cast<int>(std::lround(centre.y())), static_cast<int>(std::lround(centre.x())));
     EXPECT_NE(pixel, cv::Vec3b::all(255)) << "the tetrahedron holds its sphere's centre";

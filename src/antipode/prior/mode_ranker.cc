@@ -1,0 +1,128 @@
+#include "antipode/prior/mode_ranker.h"
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+#include "antipode/geometry/spherical_harmonics.h"
+#include "antipode/util/error.h"
+
+namespace antipode {
+namespace {
+
+using torch::Tensor;
+
+struct Field {
+  const char* name;
+  int ModeRankerConfig::* value;
+  int least, most;
+};
+constexpr Field kFields[] = {
+    {"ranker_max_degree", &ModeRankerConfig::max_degree, 1, 16}, {"ranker_channels", &ModeRankerConfig::channels, 1, 1024},
+    {"ranker_points", &ModeRankerConfig::points, 4, 4096},       {"ranker_width", &ModeRankerConfig::width, 1, 1024},
+    {"ranker_hidden", &ModeRankerConfig::hidden, 1, 4096},
+};
+
+/// Fibonacci's spiral: nearly uniform on the unit sphere. [count, 3]
+Tensor SpherePoints(int count) {
+  auto points = torch::empty({count, 3});
+  auto values = points.accessor<float, 2>();
+  for (int i = 0; i < count; ++i) {
+    const double z = 1 - (2 * i + 1.0) / count, radius = std::sqrt(1 - z * z);
+    const double angle = 2 * std::numbers::pi * std::numbers::phi * (i + 0.5);
+    values[i][0] = static_cast<float>(radius * std::cos(angle));
+    values[i][1] = static_cast<float>(radius * std::sin(angle));
+    values[i][2] = static_cast<float>(z);
+  }
+  return points;
+}
+
+/// Scaled so that the mean square of the functions over the sphere and the channels is 1.
+Tensor Scaled(const Tensor& codes) {
+  const double functions = 4 * std::numbers::pi * static_cast<double>(codes.size(1));
+  return codes * (std::sqrt(functions) / codes.flatten(1).norm(2, 1).clamp_min(1e-6)).view({-1, 1, 1});
+}
+
+}  // namespace
+
+void ModeRankerConfig::Check() const {
+  for (const Field& field : kFields) {
+    const int value = this->*field.value;
+    if (value < field.least || value > field.most)
+      throw InvalidOption(field.name, "is " + std::to_string(value), "use " + std::to_string(field.least) + " to " + std::to_string(field.most));
+  }
+}
+
+std::map<std::string, std::string> ModeRankerConfig::ToMetadata() const {
+  std::map<std::string, std::string> metadata;
+  for (const Field& field : kFields) metadata[field.name] = std::to_string(this->*field.value);
+  return metadata;
+}
+
+ModeRankerConfig ModeRankerConfig::FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
+  ModeRankerConfig config;
+  for (const Field& field : kFields) {
+    const auto entry = metadata.find(field.name);
+    if (entry == metadata.end()) throw BadFile(file, std::string("its metadata lacks ") + field.name);
+    const std::string& text = entry->second;
+    const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), config.*field.value);
+    if (status != std::errc() || end != text.data() + text.size())
+      throw BadFile(file, std::string("its metadata has a malformed ") + field.name);
+  }
+  config.Check();
+  return config;
+}
+
+Tensor HarmonicsAt(const Tensor& directions, int max_degree) {
+  const Tensor rows = directions.to(torch::kCPU, torch::kDouble).reshape({-1, 3}).contiguous();
+  const int count = SphericalHarmonicCount(max_degree);
+  auto values = torch::empty({rows.size(0), count});
+  const double* const from = rows.const_data_ptr<double>();
+  float* const to = values.data_ptr<float>();
+  for (std::int64_t i = 0; i < rows.size(0); ++i)
+    Eigen::Map<Eigen::VectorXf>(to + i * count, count) =
+        SphericalHarmonics(Eigen::Map<const Eigen::Vector3d>(from + 3 * i), max_degree).cast<float>();
+  std::vector<std::int64_t> shape = directions.sizes().vec();
+  shape.back() = count;
+  return values.view(shape);
+}
+
+ModeRankerImpl::ModeRankerImpl(const ModeRankerConfig& config) : config_(config) {
+  config.Check();
+  using torch::nn::Linear;
+  points_ = SpherePoints(config.points);
+  harmonics_ = HarmonicsAt(points_, config.max_degree);
+  embed = register_module("embed", Linear(config.channels, config.width));
+  compare = register_module("compare", Linear(2 * config.width, config.hidden));
+  place = register_module("place", Linear(6, config.hidden));
+  mix = register_module("mix", Linear(config.hidden, config.hidden));
+  judge = register_module("judge", Linear(2 * config.hidden, 64));
+  log_weight = register_module("log_weight", Linear(64, 1));
+}
+
+Tensor ModeRankerImpl::forward(const Tensor& reference, const Tensor& query, const Tensor& query_from_reference) {
+  const std::int64_t batch = query_from_reference.size(0), modes = query_from_reference.size(1), points = points_.size(0);
+  // R^T x without a matrix product, which training would round to bfloat16. [B, K, P, 3]
+  const Tensor turned = (points_.unsqueeze(2) * query_from_reference.unsqueeze(2)).sum(3);
+  const Tensor there = HarmonicsAt(turned, config_.max_degree).flatten(1, 2);  // [B, K P, H]
+  const Tensor of_query = torch::matmul(harmonics_, Scaled(query).transpose(1, 2)).unsqueeze(1);  // [B, 1, P, C]
+  const Tensor of_reference = torch::matmul(there, Scaled(reference).transpose(1, 2)).view({batch, modes, points, -1});
+  const Tensor q = embed(of_query), r = embed(of_reference);
+  const Tensor where = torch::cat({points_.expand({batch, modes, -1, -1}), turned}, -1);
+  const Tensor compared = torch::relu(compare(torch::cat({(q - r).abs(), q * r}, -1)) + place(where));
+  const Tensor mixed = torch::relu(compared + mix(compared));
+  const Tensor pooled = torch::cat({mixed.mean(2), mixed.amax(2)}, -1);
+  return log_weight(torch::relu(judge(pooled))).squeeze(-1).to(torch::kFloat);
+}
+
+std::vector<double> ModeRankerImpl::LogWeights(const Tensor& reference, const Tensor& query, std::span<const RotationMode> modes) {
+  const torch::InferenceMode inference;
+  auto rotations = torch::empty({1, static_cast<std::int64_t>(modes.size()), 3, 3});
+  for (std::size_t k = 0; k < modes.size(); ++k)
+    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(rotations.data_ptr<float>() + 9 * k) = modes[k].rotation.cast<float>();
+  const Tensor a = reference.unsqueeze(0), b = query.unsqueeze(0);
+  const Tensor both = (0.5 * (forward(a, b, rotations) + forward(b, a, rotations.transpose(2, 3)))).to(torch::kDouble).contiguous();
+  return {both.const_data_ptr<double>(), both.const_data_ptr<double>() + both.numel()};
+}
+
+}  // namespace antipode

@@ -1,0 +1,273 @@
+#include "antipode/training/ranker_trainer.h"
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <thread>
+
+#include "antipode/evaluation/prior_evaluation.h"
+#include "antipode/geometry/rotation.h"
+#include "antipode/geometry/so3_grid.h"
+#include "antipode/geometry/wigner.h"
+#include "antipode/nn/module_weights.h"
+#include "antipode/nn/precision.h"
+#include "antipode/prior/correlation.h"
+#include "antipode/prior/object_prior.h"
+#include "antipode/training/batch_loader.h"
+#include "antipode/util/error.h"
+#include "antipode/util/files.h"
+#include "antipode/util/formatted.h"
+#include "antipode/util/interrupt.h"
+#include "antipode/util/seeds.h"
+#include "antipode/util/stopwatch.h"
+#include "antipode/weights/registry.h"
+
+namespace antipode {
+namespace {
+
+using torch::Tensor;
+namespace fs = std::filesystem;
+
+constexpr int kGridSize = 20736;
+constexpr double kSeparationDeg = 30, kPresentDeg = 30, kNearDeg = 10, kFarDeg = 45;
+constexpr int kGroupsAtOnce = 1;  // more pictures at once are slower on the CPU
+constexpr int kWarmUpSteps = 200;
+constexpr int kStepsOfAverage = 200;
+constexpr int kDraws = 100;
+
+Tensor ToTensor(const std::vector<Eigen::Matrix3d>& rotations) {
+  auto tensor = torch::empty({static_cast<std::int64_t>(rotations.size()), 3, 3});
+  for (std::size_t i = 0; i < rotations.size(); ++i)
+    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(tensor.data_ptr<float>() + 9 * i) = rotations[i].cast<float>();
+  return tensor;
+}
+
+/// Degrees between rotations. [B, K, 3, 3], [B, 1, 3, 3] -> [B, K]
+Tensor AnglesBetween(const Tensor& a, const Tensor& b) {
+  return torch::acos((((a * b).sum({2, 3}) - 1) / 2).clamp(-1, 1)) * (180 / std::numbers::pi);
+}
+
+/// Codes of views, group by group, and the rotations of their cameras.
+struct CodedGroups {
+  Tensor codes;      ///< [G, V, C, H], half precision
+  Tensor rotations;  ///< [G, V, 3, 3], camera_from_object
+};
+
+CodedGroups Encode(const ObjectPrior& prior, const ViewCache& cache, const RankerTrainingOptions& options,
+                   const ProgressCallback& progress) {
+  BatchLoader loader(cache, kGroupsAtOnce, options.views_per_group, prior.ViewOptions().size, options.augmentation, options.seed);
+  std::vector<Tensor> codes, rotations;
+  for (std::int64_t batch = 0; batch * kGroupsAtOnce < options.groups; ++batch) {
+    if (progress) progress({"encoding views", batch * kGroupsAtOnce, options.groups, {}});
+    const ViewBatch views = loader.Get(batch);
+    const Tensor images = AugmentColors(views.rgba.to(torch::kFloat) / 255, views.groups, options.augmentation,
+                                        CombineSeeds(options.seed + 1, static_cast<std::uint64_t>(batch)));
+    const Tensor encoded = prior.EncodeImages(images).to(torch::kHalf);
+    codes.push_back(encoded.view({views.groups, -1, encoded.size(1), encoded.size(2)}));
+    rotations.push_back(ToTensor(views.camera_from_object).view({views.groups, -1, 3, 3}));
+  }
+  return {torch::cat(codes), torch::cat(rotations)};
+}
+
+/// The maxima of many correlations on a grid of rotations.
+class GridModes {
+ public:
+  GridModes(int max_degree, double temperature, int count) : max_degree_(max_degree), temperature_(temperature), count_(count) {
+    const std::vector<Eigen::Matrix3d> grid = SuperFibonacciRotations(kGridSize);
+    const RowMajorMatrixXf wigner = WignerMatrices(grid, max_degree);
+    wigner_ = torch::from_blob(const_cast<float*>(wigner.data()), {wigner.rows(), wigner.cols()}, torch::kFloat)
+                  .t()
+                  .to(ProcessorHasBFloat16() ? torch::kBFloat16 : torch::kFloat)
+                  .contiguous();
+    rotations_ = ToTensor(grid).flatten(1);
+  }
+
+  struct Modes {
+    Tensor rotations;  ///< [B, K, 3, 3], query_from_reference
+    Tensor scores;     ///< [B, K], divided by the temperature
+  };
+  Modes Find(const Tensor& reference, const Tensor& query) const {
+    const double separation_trace = 1 + 2 * std::cos(RadiansFromDegrees(kSeparationDeg));
+    const Tensor correlations = CorrelateCodes(query, reference, max_degree_).to(wigner_.dtype());
+    Tensor scores = torch::matmul(correlations, wigner_).to(torch::kFloat) / temperature_;
+    std::vector<Tensor> rotations, best;
+    for (int k = 0; k < count_; ++k) {
+      const auto [value, index] = scores.max(1);
+      const Tensor rotation = rotations_.index_select(0, index);
+      rotations.push_back(rotation.view({-1, 3, 3}));
+      best.push_back(value);
+      scores.masked_fill_(torch::matmul(rotation, rotations_.t()) > separation_trace, -1e4);
+    }
+    return {torch::stack(rotations, 1), torch::stack(best, 1)};
+  }
+
+ private:
+  int max_degree_;
+  double temperature_;
+  int count_;
+  Tensor wigner_, rotations_;
+};
+
+/// Rotations turned by random vectors whose length is about `degrees`.
+Tensor Disturbed(const Tensor& rotations, double degrees) {
+  const Tensor v = torch::randn({rotations.size(0), rotations.size(1), 3}) * (RadiansFromDegrees(degrees) / std::sqrt(3.0));
+  const auto part = v.unbind(2);
+  const Tensor none = torch::zeros_like(part[0]);
+  const Tensor skew = torch::stack({none, -part[2], part[1], part[2], none, -part[0], -part[1], part[0], none}, 2);
+  return torch::matmul(torch::matrix_exp(skew.view({v.size(0), v.size(1), 3, 3})), rotations);
+}
+
+struct PairBatch {
+  Tensor reference, query;  // [B, C, H]
+  GridModes::Modes modes;
+  Tensor target;            // [B, K], sums to 1
+};
+
+class Trainer {
+ public:
+  Trainer(const RankerTrainingOptions& options, const ObjectPrior& prior, CodedGroups groups, const ProgressCallback& progress)
+      : options_(options), progress_(progress), groups_(std::move(groups)),
+        grid_(options.ranker.max_degree, prior.calibration().temperature, options.modes) {
+    torch::manual_seed(options.seed);
+    ranker_ = ModeRanker(options.ranker);
+    score_weight_ = torch::zeros({1}).requires_grad_();  // softplus(0) = 0.7
+  }
+
+  RankerTrainingResult Run(std::ofstream log) {
+    std::vector<Tensor> parameters = ranker_->parameters();
+    parameters.push_back(score_weight_);
+    torch::optim::AdamW optimizer(parameters, torch::optim::AdamWOptions(options_.learning_rate).weight_decay(options_.weight_decay));
+    log << "step,minutes,loss,share_right\n";
+    RankerTrainingResult result;
+    for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
+      const double warm_up = std::min(1.0, (result.steps + 1.0) / kWarmUpSteps);
+      const double rate = warm_up * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction(result.steps))));
+      static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(options_.learning_rate * rate);
+      torch::manual_seed(CombineSeeds(options_.seed + 2, static_cast<std::uint64_t>(result.steps)));
+      optimizer.zero_grad();
+      const Tensor loss = Loss();
+      loss.backward();
+      optimizer.step();
+      Account(loss.item<double>(), result);
+      if (result.steps % 100 == 99) log << result.steps + 1 << ',' << stopwatch_.Seconds() / 60 << ',' << result.last_loss << ',' << right_ << std::endl;
+    }
+    return result;
+  }
+
+  ModeRanker ranker() const { return ranker_; }
+
+ private:
+  double Fraction(std::int64_t steps) const {
+    return options_.iterations > 0 ? static_cast<double>(steps) / options_.iterations : stopwatch_.Seconds() / 60 / options_.minutes;
+  }
+
+  /// At least one pair whose modes hold the truth.
+  PairBatch DrawPairs() const {
+    const torch::NoGradGuard no_gradient;
+    for (int attempt = 0; attempt < kDraws; ++attempt) {
+      PairBatch pairs = DrawPresentPairs();
+      if (pairs.target.size(0) > 0) return pairs;
+    }
+    throw Error("training", "no pair has the true rotation among the hypotheses of the first stage", "train the prior for longer first");
+  }
+
+  /// Pairs of different views of one object, without those whose modes miss the truth.
+  PairBatch DrawPresentPairs() const {
+    const std::int64_t views = groups_.codes.size(1);
+    const Tensor group = torch::randint(groups_.codes.size(0), {options_.batch}, torch::kLong);
+    const Tensor i = torch::randint(views, {options_.batch}, torch::kLong);
+    const Tensor j = (i + 1 + torch::randint(views - 1, {options_.batch}, torch::kLong)).remainder(views);
+    const auto code = [&](const Tensor& view) { return groups_.codes.index({group, view}).to(torch::kFloat); };
+    PairBatch pairs{code(i), code(j), {}, {}};
+    pairs.modes = grid_.Find(pairs.reference, pairs.query);
+    pairs.modes.rotations = Disturbed(pairs.modes.rotations, options_.rotation_noise_deg);
+    const Tensor truth = torch::matmul(groups_.rotations.index({group, j}), groups_.rotations.index({group, i}).transpose(1, 2));
+    const Tensor errors = AnglesBetween(pairs.modes.rotations, truth.unsqueeze(1));
+    const Tensor present = (errors.amin(1) < kPresentDeg).nonzero().squeeze(1);
+    const Tensor near = errors.index_select(0, present);
+    const Tensor weights = torch::exp(-0.5 * (near / kNearDeg).square()) * (near < kFarDeg) + 1e-6;
+    return {pairs.reference.index_select(0, present), pairs.query.index_select(0, present),
+            {pairs.modes.rotations.index_select(0, present), pairs.modes.scores.index_select(0, present)},
+            weights / weights.sum(1, true)};
+  }
+
+  Tensor Loss() {
+    const BFloat16Autocast autocast(torch::kCPU, ProcessorHasBFloat16());
+    const PairBatch pairs = DrawPairs();
+    const Tensor log_weights = ranker_->forward(pairs.reference, pairs.query, pairs.modes.rotations);
+    const auto cross_entropy = [&](const Tensor& logits) { return -(torch::log_softmax(logits, 1) * pairs.target).sum(1).mean(); };
+    const Tensor joint = log_weights + torch::softplus(score_weight_) * pairs.modes.scores;
+    const double right = (joint.argmax(1) == pairs.target.argmax(1)).to(torch::kFloat).mean().item<double>();
+    right_ += (right - right_) / kStepsOfAverage;
+    return cross_entropy(joint) + 0.5 * cross_entropy(log_weights);
+  }
+
+  void Account(double loss, RankerTrainingResult& result) const {
+    if (!std::isfinite(loss)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
+    const double weight = 1 / std::min<double>(kStepsOfAverage, static_cast<double>(result.steps + 1));
+    result.last_loss += weight * (loss - result.last_loss);
+    if (result.steps < kStepsOfAverage) result.first_loss = result.last_loss;
+    if (progress_)
+      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(result.steps)), 1000, Formatted("loss %.3f", result.last_loss)});
+  }
+
+  const RankerTrainingOptions& options_;
+  const ProgressCallback& progress_;
+  CodedGroups groups_;
+  GridModes grid_;
+  ModeRanker ranker_{nullptr};
+  Tensor score_weight_;
+  double right_ = 0;
+  Stopwatch stopwatch_;
+};
+
+/// The prior with this second stage.
+TensorFile WithRanker(TensorFile prior, ModeRankerImpl& ranker) {
+  std::erase_if(prior.tensors, [](const auto& item) { return item.first.starts_with(kRankerPrefix); });
+  for (auto& [name, tensor] : WeightsOf(ranker).tensors) prior.tensors[kRankerPrefix + name] = ConvertTo(tensor, Dtype::kF16);
+  for (const auto& [key, value] : ranker.config().ToMetadata()) prior.metadata[key] = value;
+  return prior;
+}
+
+}  // namespace
+
+void RankerTrainingOptions::Check() const {
+  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
+  if (groups < 1) throw InvalidOption("groups", "must be at least 1");
+  if (views_per_group < 2) throw InvalidOption("views_per_group", "leaves no pair", "use at least 2");
+  if (batch < 1) throw InvalidOption("batch", "must be at least 1");
+  if (modes < 2) throw InvalidOption("modes", "leaves no choice", "use at least 2");
+  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
+  ranker.Check();
+  views.Check();
+}
+
+RankerTrainingResult TrainRanker(const RankerTrainingOptions& given, const ProgressCallback& progress) {
+  RankerTrainingOptions options = given;
+  const int processors = static_cast<int>(std::thread::hardware_concurrency());
+  options.views.threads = options.threads > 0 ? options.threads : processors;
+  torch::set_num_threads(options.views.threads);
+  const ObjectPrior prior = ObjectPrior::Load(options.prior);
+  options.ranker.max_degree = prior.posterior().max_degree();
+  options.Check();
+  fs::create_directories(options.out);
+  const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
+  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), options.views, progress);
+  CodedGroups groups = Encode(prior, cache, options, progress);
+  options.ranker.channels = static_cast<int>(groups.codes.size(2));
+  Trainer trainer(options, prior, std::move(groups), progress);
+  RankerTrainingResult result = trainer.Run(std::ofstream(options.out / "log.csv"));
+
+  TensorFile file = WithRanker(LoadModel(options.prior), *trainer.ranker());
+  const ModelEntry entry = FindModel(options.prior);
+  const std::string training = Formatted("%lld steps, seed %llu, loss %.4f", static_cast<long long>(result.steps),
+                                         static_cast<unsigned long long>(options.seed), result.last_loss);
+  file.metadata["ranker_training"] = training;
+  const std::string card = ReadFile(entry.file.parent_path() / "card.md") + "\nSecond stage trained by `antipode train ranker`: " + training + ".\n";
+  SaveModel(options.out, "prior", file, entry.description, entry.licence, card);
+  result.model = options.out / "prior";
+  if (!options.validation_objects.empty()) CalibrateModel(result.model, options.validation_objects);
+  return result;
+}
+
+}  // namespace antipode
