@@ -144,11 +144,11 @@ NumericTensors RefinerVolume(const GoldenCase& golden_case) {
   Refiner refiner(RefinerConfig{.grid = golden_case.config.at("sample_num")});
   FillSynthetic(*refiner);
   const RefinerCase inputs = FeaturesOf(golden_case, refiner);
-  const auto volume = refiner->BuildVolume(inputs.query[0], inputs.input, inputs.references[0], inputs.cameras);
+  const auto volume = refiner->BuildVolume(inputs.input, inputs.references[0], inputs.cameras);
   const std::int64_t grid = refiner->config().grid;
   return {{"mean", FromTorchTensor(volume.mean.unsqueeze(0))},
           {"std", FromTorchTensor(volume.deviation.unsqueeze(0))},
-          {"que", FromTorchTensor(volume.query.unsqueeze(0))},
+          {"que", FromTorchTensor(refiner->QueryIn(volume, inputs.query[0], inputs.input).unsqueeze(0))},
           {"coords", FromTorchTensor(volume.points.view({1, grid, grid, grid, 3}))}};
 }
 

@@ -1,8 +1,8 @@
 #include "antipode/gen6d/refiner.h"
 
 #include "antipode/gen6d/instance_normalization.h"
-#include "antipode/gen6d/metadata_number.h"
 #include "antipode/util/error.h"
+#include "antipode/weights/metadata_number.h"
 
 namespace antipode {
 namespace {
@@ -172,8 +172,8 @@ RefinerImpl::ReferenceVolume RefinerImpl::BuildVolume(const PosedCamera& input, 
   return {points, as_volume(stacked.mean(0)), as_volume(stacked.std(0))};
 }
 
-Tensor RefinerImpl::Beside(const ReferenceVolume& volume, const Tensor& query, const PosedCamera& input) const {
-  return at::cat({volume.mean, SampleFeatures(query, input, volume.points, kImageSize).view(volume.mean.sizes())});
+Tensor RefinerImpl::QueryIn(const ReferenceVolume& volume, const Tensor& query, const PosedCamera& input) const {
+  return SampleFeatures(query, input, volume.points, kImageSize).view(volume.mean.sizes());
 }
 
 RefinerOutput RefinerImpl::forward(const Tensor& query, const std::vector<PosedCamera>& input, const Tensor& references,
@@ -182,7 +182,7 @@ RefinerOutput RefinerImpl::forward(const Tensor& query, const std::vector<PosedC
   for (std::size_t i = 0; i < input.size(); ++i) {
     const auto index = static_cast<std::int64_t>(i);
     const ReferenceVolume volume = BuildVolume(input[i], references[index], cameras[i]);
-    means.push_back(Beside(volume, query[index], input[i]));
+    means.push_back(at::cat({volume.mean, QueryIn(volume, query[index], input[i])}));
     deviations.push_back(volume.deviation);
   }
   const Tensor mean_and_query = at::stack(means), deviation = at::stack(deviations);
@@ -197,7 +197,7 @@ RefinerOutput RefinerImpl::ForwardTogether(const Tensor& queries, const PosedCam
                                            const std::vector<PosedCamera>& cameras) {
   const ReferenceVolume volume = BuildVolume(input, references, cameras);
   std::vector<Tensor> together;
-  for (const Tensor& query : queries.unbind()) together.push_back(Beside(volume, query, input));
+  for (const Tensor& query : queries.unbind()) together.push_back(at::cat({volume.mean, QueryIn(volume, query, input)}));
   return regressor_->forward(volume_net_->forward(at::stack(together), volume.deviation.unsqueeze(0)));
 }
 

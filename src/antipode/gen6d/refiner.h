@@ -125,11 +125,10 @@ class RefinerImpl : public torch::nn::Module {
   };
   ReferenceVolume BuildVolume(const PosedCamera& input, const torch::Tensor& references,
                               const std::vector<PosedCamera>& cameras) const;
+  /// Those of a query at the same points. [C, G, G, G]
+  torch::Tensor QueryIn(const ReferenceVolume& volume, const torch::Tensor& query, const PosedCamera& input) const;
 
  private:
-  /// [2 C, G, G, G]: mean of the references, query.
-  torch::Tensor Beside(const ReferenceVolume& volume, const torch::Tensor& query, const PosedCamera& input) const;
-
   RefinerConfig config_;
   RefinerFeatureNet feature_net_{nullptr};
   VolumeNet volume_net_{nullptr};

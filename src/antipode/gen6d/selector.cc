@@ -5,8 +5,8 @@
 #include <Eigen/Geometry>
 
 #include "antipode/gen6d/instance_normalization.h"
-#include "antipode/gen6d/metadata_number.h"
 #include "antipode/util/error.h"
+#include "antipode/weights/metadata_number.h"
 
 namespace antipode {
 namespace {

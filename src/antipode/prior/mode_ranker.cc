@@ -1,11 +1,11 @@
 #include "antipode/prior/mode_ranker.h"
 
-#include <charconv>
 #include <cmath>
 #include <numbers>
 
 #include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/util/error.h"
+#include "antipode/weights/metadata_number.h"
 
 namespace antipode {
 namespace {
@@ -61,14 +61,7 @@ std::map<std::string, std::string> ModeRankerConfig::ToMetadata() const {
 
 ModeRankerConfig ModeRankerConfig::FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
   ModeRankerConfig config;
-  for (const Field& field : kFields) {
-    const auto entry = metadata.find(field.name);
-    if (entry == metadata.end()) throw BadFile(file, std::string("its metadata lacks ") + field.name);
-    const std::string& text = entry->second;
-    const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), config.*field.value);
-    if (status != std::errc() || end != text.data() + text.size())
-      throw BadFile(file, std::string("its metadata has a malformed ") + field.name);
-  }
+  for (const Field& field : kFields) config.*field.value = static_cast<int>(MetadataNumber(metadata, field.name, file));
   config.Check();
   return config;
 }

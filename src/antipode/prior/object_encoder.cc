@@ -1,10 +1,10 @@
 #include "antipode/prior/object_encoder.h"
 
-#include <charconv>
 #include <cmath>
 
 #include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/util/error.h"
+#include "antipode/weights/metadata_number.h"
 
 namespace antipode {
 namespace {
@@ -82,16 +82,7 @@ ObjectEncoderConfig ObjectEncoderConfig::FromMetadata(
     throw BadFile(file, "is not an object prior (no architecture object-encoder-1 in its metadata)",
                   "use a model that 'antipode train prior' wrote");
   ObjectEncoderConfig config;
-  for (const Field& field : kFields) {
-    const auto entry = metadata.find(field.name);
-    if (entry == metadata.end())
-      throw BadFile(file, std::string("its metadata lacks ") + field.name);
-    const std::string& text = entry->second;
-    const auto [end, status] =
-        std::from_chars(text.data(), text.data() + text.size(), config.*field.value);
-    if (status != std::errc() || end != text.data() + text.size())
-      throw BadFile(file, std::string("its metadata has a malformed ") + field.name);
-  }
+  for (const Field& field : kFields) config.*field.value = static_cast<int>(MetadataNumber(metadata, field.name, file));
   config.Check();
   return config;
 }

@@ -1,4 +1,4 @@
-#include "antipode/gen6d/metadata_number.h"
+#include "antipode/weights/metadata_number.h"
 
 #include <charconv>
 
