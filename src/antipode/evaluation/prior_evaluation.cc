@@ -90,7 +90,7 @@ void FitModeWeights(const std::vector<JudgedModes>& pairs, PriorCalibration& cal
     for (const JudgedModes& pair : pairs) {
       Eigen::MatrixX2d features(static_cast<Eigen::Index>(pair.modes.size()), 2);
       for (Eigen::Index k = 0; k < features.rows(); ++k)
-        features.row(k) << std::log(std::max(pair.modes[k].probability, 1e-12)), pair.modes[k].log_weight;
+        features.row(k) << LogProbability(pair.modes[k]), pair.modes[k].log_weight;
       Eigen::VectorXd share = features * weights;
       share = (share.array() - share.maxCoeff()).exp();
       share /= share.sum();
@@ -185,7 +185,7 @@ PriorCalibration FitCalibration(const ObjectPrior& prior, const CodedPairs& pair
   calibration.temperature = FitTemperature(prior, pairs.same_object);
   const auto modes_of = [&](const std::vector<CodedPair>& of) {
     std::vector<std::vector<RotationMode>> modes;
-    for (const CodedPair& pair : of) modes.push_back(prior.Hypotheses(pair.reference, pair.query, calibration.temperature));
+    for (const CodedPair& pair : of) modes.push_back(prior.Hypotheses(pair.reference, pair.query, {.temperature = calibration.temperature}));
     return modes;
   };
   std::vector<std::vector<RotationMode>> same = modes_of(pairs.same_object), different = modes_of(pairs.different_objects);

@@ -40,7 +40,7 @@ CodedPair PeakAt(const Eigen::Matrix3d& rotation, double height) {
 class Calibration : public ::testing::Test {
  protected:
   double ConfidenceOf(const PriorCalibration& calibration, const CodedPair& pair) const {
-    const RotationMode best = prior_.Hypotheses(pair.reference, pair.query, calibration.temperature).front();
+    const RotationMode best = prior_.Hypotheses(pair.reference, pair.query, {.temperature = calibration.temperature}).front();
     const double log_odds = calibration.confidence_slope * LogOdds(best.probability) +
                             calibration.confidence_score_weight * best.score + calibration.confidence_offset;
     return 1 / (1 + std::exp(-log_odds));

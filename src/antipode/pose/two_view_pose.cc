@@ -44,14 +44,17 @@ void Keep(CroppedPair views, TwoViewPose& result) {
 
 struct PriorOpinion {
   torch::Tensor codes;
-  std::vector<RotationMode> modes;
+  std::vector<RotationMode> weighed;  ///< all that were weighed
+  std::vector<RotationMode> modes;    ///< of them, the ones worth reporting
 };
 
 PriorOpinion AskPrior(const ObjectPrior& prior, const CroppedPair& views, const TwoViewPoseOptions& options, TwoViewPose& result) {
   Stopwatch stopwatch;
-  PriorOpinion opinion{prior.Encode(views), {}};
+  PriorOpinion opinion{prior.Encode(views), {}, {}};
   result.timings_s["encode"] = stopwatch.Lap();
-  opinion.modes = prior.Compare(opinion.codes[0], opinion.codes[1], {.max_modes = options.hypotheses}, options.roll);
+  const PosteriorOptions reported{.max_modes = options.hypotheses};
+  opinion.modes = opinion.weighed = prior.WeighedModes(opinion.codes[0], opinion.codes[1], reported, options.roll);
+  KeepReportable(opinion.modes, reported);
   result.timings_s["compare"] = stopwatch.Lap();
   for (const RotationMode& mode : opinion.modes)
     result.hypotheses.push_back({ComposeFromCrops(views[0], views[1], mode.rotation), mode.probability, "prior"});
@@ -227,7 +230,7 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   result.confidence = prior_confidence;
 
   ViewMatchingOptions matching = options.matching;
-  const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1], options.roll);
+  const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1], opinion.weighed);
   matching.quarter_turns = TurnsSuggestedBy(posterior);
   for (const RotationMode& mode : opinion.modes) matching.starts.push_back(mode.rotation);
   const MatchedViews matched = Match(matcher, large, matching, result);

@@ -91,6 +91,8 @@ TEST(Reweigh, KeepsTheSumAndSorts) {
   EXPECT_NEAR(modes[0].probability, scale * 0.2 * std::exp(2.0), 1e-12);
   EXPECT_NEAR(modes[1].probability, scale * 0.5, 1e-12);
   EXPECT_NEAR(modes[2].probability, scale * 0.1, 1e-12);
+  EXPECT_NEAR(modes[0].reweighting, scale * std::exp(2.0), 1e-12);
+  EXPECT_NEAR(modes[1].reweighting, scale, 1e-12);
 }
 
 }  // namespace

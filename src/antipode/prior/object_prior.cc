@@ -41,6 +41,13 @@ torch::Tensor MirrorSigns(int max_degree) {
   return signs;
 }
 
+/// So that what the modes are weighed by can bring forward one that was not among the best.
+PosteriorOptions WithAllModes(PosteriorOptions options) {
+  options.max_modes = std::max(options.max_modes, kWeighedModes);
+  options.least_probability = std::min(options.least_probability, kLeastWeighedProbability);
+  return options;
+}
+
 /// Empty if the file has no second stage.
 ModeRanker LoadRanker(const TensorFile& file, const std::string& source) {
   const TensorFile tensors = WithoutPrefix(file, kRankerPrefix);
@@ -58,13 +65,17 @@ void Reweigh(std::vector<RotationMode>& modes, const PriorCalibration& calibrati
   double total = 0;
   for (const RotationMode& mode : modes) {
     total += mode.probability;
-    logits.push_back(calibration.mode_weight * std::log(std::max(mode.probability, 1e-12)) + calibration.ranker_weight * mode.log_weight);
+    logits.push_back(calibration.mode_weight * LogProbability(mode) + calibration.ranker_weight * mode.log_weight);
     if (roll == CameraRoll::kLevel) logits.back() += kLevelWeight * LogDensityOfLevelCameras(mode.rotation);
   }
   const double highest = *std::ranges::max_element(logits);
   double sum = 0;
   for (double& logit : logits) sum += logit = std::exp(logit - highest);
-  for (std::size_t k = 0; k < modes.size(); ++k) modes[k].probability = total * logits[k] / sum;
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const double before = std::exp(LogProbability(modes[k]));
+    modes[k].probability = total * logits[k] / sum;
+    modes[k].reweighting = modes[k].probability / before;
+  }
   std::ranges::stable_sort(modes, std::ranges::greater(), &RotationMode::probability);
 }
 
@@ -166,39 +177,36 @@ Eigen::VectorXf ObjectPrior::Correlation(const torch::Tensor& reference_code,
 std::vector<RotationMode> ObjectPrior::Compare(const torch::Tensor& reference_code,
                                                const torch::Tensor& query_code,
                                                PosteriorOptions options, CameraRoll roll) const {
-  const double temperature = options.temperature * calibration_.temperature;
-  std::vector<RotationMode> modes = Hypotheses(reference_code, query_code, temperature, options);
-  Reweigh(modes, calibration_, roll);
-  if (modes.size() > static_cast<std::size_t>(options.max_modes)) modes.resize(options.max_modes);
-  std::erase_if(modes, [&](const RotationMode& mode) {
-    return &mode != &modes.front() && mode.probability < options.least_probability;
-  });
+  std::vector<RotationMode> modes = WeighedModes(reference_code, query_code, options, roll);
+  KeepReportable(modes, options);
+  return modes;
+}
+
+std::vector<RotationMode> ObjectPrior::WeighedModes(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                                    PosteriorOptions options, CameraRoll roll) const {
+  options.temperature *= calibration_.temperature;
+  if (roll == CameraRoll::kLevel) options = WithAllModes(options);
+  std::vector<RotationMode> modes = Hypotheses(reference_code, query_code, options);
+  if (HasSecondStage() || roll == CameraRoll::kLevel) Reweigh(modes, calibration_, roll);
   return modes;
 }
 
 std::vector<RotationMode> ObjectPrior::Hypotheses(const torch::Tensor& reference_code, const torch::Tensor& query_code,
-                                                  double temperature, PosteriorOptions options) const {
-  options.temperature = temperature;
-  options.max_modes = std::max(options.max_modes, kWeighedModes);
-  options.least_probability = std::min(options.least_probability, kLeastWeighedProbability);
-  std::vector<RotationMode> modes = posterior_->FindModes(Correlation(reference_code, query_code), options);
-  if (ranker_.is_empty()) return modes;
+                                                  PosteriorOptions options) const {
+  const Eigen::VectorXf correlation = Correlation(reference_code, query_code);
+  if (!HasSecondStage()) return posterior_->FindModes(correlation, options);
+  std::vector<RotationMode> modes = posterior_->FindModes(correlation, WithAllModes(options));
   ModeRanker ranker = ranker_;
   const std::vector<double> log_weights = ranker->LogWeights(reference_code, query_code, modes);
   for (std::size_t k = 0; k < modes.size(); ++k) modes[k].log_weight = log_weights[k];
   return modes;
 }
 
-GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code, CameraRoll roll) const {
+GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                  std::span<const RotationMode> modes) const {
   GridPosterior posterior = posterior_->OnGrid(Correlation(reference_code, query_code), {.temperature = calibration_.temperature});
-  if (ranker_.is_empty() && roll == CameraRoll::kAny) return posterior;
-  std::vector<RotationMode> modes = Hypotheses(reference_code, query_code, calibration_.temperature);
-  const std::vector<RotationMode> before = modes;
-  Reweigh(modes, calibration_, roll);
-  for (const RotationMode& mode : modes) {
-    const auto old = std::ranges::find_if(before, [&](const RotationMode& other) { return other.rotation == mode.rotation; });
-    posterior.ScaleAround(mode.rotation, mode.probability / std::max(old->probability, 1e-12));
-  }
+  for (const RotationMode& mode : modes)
+    if (mode.reweighting != 1) posterior.ScaleAround(mode.rotation, mode.reweighting);
   posterior.weights /= posterior.weights.sum();
   return posterior;
 }

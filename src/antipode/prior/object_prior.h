@@ -45,6 +45,7 @@ struct PriorCalibration {
 
 /// Gives the modes the probabilities that the second stage suggests, p_k' ~ p_k^mode_weight exp(ranker_weight w_k) with
 /// the same sum, and sorts them. For level cameras they are multiplied by their density to the power of 0.6, too.
+/// Every mode's `reweighting` becomes p_k' / p_k.
 void Reweigh(std::vector<RotationMode>& modes, const PriorCalibration& calibration, CameraRoll roll = CameraRoll::kAny);
 
 /// The built-in prior: codes of object-centric images, and the posterior over the rotation between two. Most priors
@@ -79,15 +80,20 @@ class ObjectPrior {
   std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,
                                     PosteriorOptions options = {}, CameraRoll roll = CameraRoll::kAny) const;
 
-  /// The modes that may be weighed anew, at least 8 if there are so many: of the first stage, with the log weights of the
-  /// second one but not yet weighed by them.
-  /// @param temperature of the posterior
-  std::vector<RotationMode> Hypotheses(const torch::Tensor& reference_code, const torch::Tensor& query_code,
-                                       double temperature, PosteriorOptions options = {}) const;
+  /// The modes before Compare leaves out the less probable ones: at least 8, if there are so many, where there is anything
+  /// to weigh them anew by.
+  std::vector<RotationMode> WeighedModes(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                         PosteriorOptions options = {}, CameraRoll roll = CameraRoll::kAny) const;
 
-  /// The whole posterior, at the calibrated temperature; valid as long as this prior. What lies near a mode shares the
-  /// change of its probability by the second stage and by what is known of the cameras.
-  GridPosterior OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code, CameraRoll roll = CameraRoll::kAny) const;
+  /// The modes of the first stage, with the log weights of the second one but not yet weighed by them.
+  /// @param options its temperature is that of the posterior; the calibrated one does not matter
+  std::vector<RotationMode> Hypotheses(const torch::Tensor& reference_code, const torch::Tensor& query_code,
+                                       PosteriorOptions options) const;
+
+  /// The whole posterior, at the calibrated temperature; valid as long as this prior. What lies near a mode shares its
+  /// reweighting.
+  /// @param modes of WeighedModes
+  GridPosterior OnGrid(const torch::Tensor& reference_code, const torch::Tensor& query_code, std::span<const RotationMode> modes) const;
 
   /// The stacked C_l of a pair (see correlation.h), not yet divided by the temperature.
   Eigen::VectorXf Correlation(const torch::Tensor& reference_code, const torch::Tensor& query_code) const;

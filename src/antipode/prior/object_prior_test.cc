@@ -115,7 +115,7 @@ TEST(ObjectPrior, TheSecondStageWeighsModesAndPosteriorAlike) {
   ASSERT_EQ(before.size(), after.size());
   ASSERT_GT(after.size(), 1u);
   double sum_before = 0, sum_after = 0, change = 0;
-  const GridPosterior posterior = both.OnGrid(codes[0], codes[1]);
+  const GridPosterior posterior = both.OnGrid(codes[0], codes[1], both.WeighedModes(codes[0], codes[1]));
   EXPECT_NEAR(posterior.weights.sum(), 1, 1e-9);
   for (std::size_t k = 0; k < after.size(); ++k) {
     sum_before += before[k].probability;

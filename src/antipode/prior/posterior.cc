@@ -42,6 +42,15 @@ void PosteriorOptions::Check() const {
   require(temperature > 0 && std::isfinite(temperature), "temperature", "use a positive number");
 }
 
+void KeepReportable(std::vector<RotationMode>& modes, const PosteriorOptions& options) {
+  if (modes.size() > static_cast<std::size_t>(options.max_modes)) modes.resize(options.max_modes);
+  std::erase_if(modes, [&](const RotationMode& mode) {
+    return &mode != &modes.front() && mode.probability < options.least_probability;
+  });
+}
+
+double LogProbability(const RotationMode& mode) { return std::log(std::max(mode.probability, 1e-12)); }
+
 double LogOdds(double probability) {
   const double inside = std::clamp(probability, 1e-6, 1 - 1e-6);
   return std::log(inside / (1 - inside));
@@ -177,10 +186,7 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
   std::stable_sort(modes.begin(), modes.end(), [](const RotationMode& a, const RotationMode& b) {
     return a.probability > b.probability;
   });
-  if (modes.size() > static_cast<std::size_t>(options.max_modes)) modes.resize(options.max_modes);
-  std::erase_if(modes, [&](const RotationMode& mode) {
-    return &mode != &modes.front() && mode.probability < options.least_probability;
-  });
+  KeepReportable(modes, options);
   return modes;
 }
 

@@ -15,6 +15,7 @@ struct RotationMode {
   double probability = 0;    ///< posterior mass within `PosteriorOptions::mass_radius_deg`
   double score = 0;          ///< s(R) / temperature
   double log_weight = 0;     ///< what the second stage says, see mode_ranker.h; 0 without one
+  double reweighting = 1;    ///< the factor by which the second stage and known cameras have changed the probability
 };
 
 struct PosteriorOptions {
@@ -25,6 +26,12 @@ struct PosteriorOptions {
   double least_probability = 0.005;  ///< peaks below are left out, except the best
   void Check() const;
 };
+
+/// Leaves the first `max_modes` of sorted modes, and of them the best and those of at least `least_probability`.
+void KeepReportable(std::vector<RotationMode>& modes, const PosteriorOptions& options);
+
+/// log p, finite for a peak without mass, too.
+double LogProbability(const RotationMode& mode);
 
 /// log(p / (1 - p)), finite for every p in 0..1.
 double LogOdds(double probability);
