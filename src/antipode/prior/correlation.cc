@@ -17,6 +17,13 @@ torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& re
   return torch::cat(blocks, 1);
 }
 
+torch::Tensor ToTensor(std::span<const Eigen::Matrix3d> rotations) {
+  auto tensor = torch::empty({static_cast<std::int64_t>(rotations.size()), 3, 3});
+  for (std::size_t i = 0; i < rotations.size(); ++i)
+    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(tensor.data_ptr<float>() + 9 * i) = rotations[i].cast<float>();
+  return tensor;
+}
+
 torch::Tensor TurnCode(const torch::Tensor& code, const Eigen::Matrix3d& rotation) {
   const int max_degree = static_cast<int>(std::lround(std::sqrt(static_cast<double>(code.size(1))))) - 1;
   const Eigen::VectorXf wigner = WignerMatrices(rotation, max_degree).cast<float>();

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include <Eigen/Core>
 #include <torch/torch.h>
 
@@ -11,6 +13,9 @@ namespace antipode {
 /// @param query, reference [P, C, (L + 1)^2]
 /// @return [P, WignerSize(L)], the stacked C_l
 torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& reference, int max_degree);
+
+/// [N, 3, 3], float32
+torch::Tensor ToTensor(std::span<const Eigen::Matrix3d> rotations);
 
 /// The code of the turned object: D(R) F.
 /// @param code [C, (L + 1)^2]

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "antipode/geometry/spherical_harmonics.h"
+#include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
 #include "antipode/weights/metadata_number.h"
 
@@ -110,9 +111,9 @@ Tensor ModeRankerImpl::forward(const Tensor& reference, const Tensor& query, con
 
 std::vector<double> ModeRankerImpl::LogWeights(const Tensor& reference, const Tensor& query, std::span<const RotationMode> modes) {
   const torch::InferenceMode inference;
-  auto rotations = torch::empty({1, static_cast<std::int64_t>(modes.size()), 3, 3});
-  for (std::size_t k = 0; k < modes.size(); ++k)
-    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(rotations.data_ptr<float>() + 9 * k) = modes[k].rotation.cast<float>();
+  std::vector<Eigen::Matrix3d> of_modes;
+  for (const RotationMode& mode : modes) of_modes.push_back(mode.rotation);
+  const Tensor rotations = ToTensor(of_modes).unsqueeze(0);
   const Tensor a = reference.unsqueeze(0), b = query.unsqueeze(0);
   const Tensor both = (0.5 * (forward(a, b, rotations) + forward(b, a, rotations.transpose(2, 3)))).to(torch::kDouble).contiguous();
   return {both.const_data_ptr<double>(), both.const_data_ptr<double>() + both.numel()};

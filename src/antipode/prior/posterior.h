@@ -73,6 +73,8 @@ class RotationPosterior {
 
   int max_degree() const { return max_degree_; }
   const std::vector<Eigen::Matrix3d>& grid() const { return grid_; }
+  /// Wigner matrices of the grid, one row a rotation.
+  const RowMajorMatrixXf& grid_wigner() const { return grid_wigner_; }
 
  private:
   /// s(R) / temperature of every rotation of the grid. @throws Error if they are not finite, or the degree differs

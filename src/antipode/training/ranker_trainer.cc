@@ -28,19 +28,11 @@ namespace {
 using torch::Tensor;
 namespace fs = std::filesystem;
 
-constexpr int kGridSize = 20736;
 constexpr double kSeparationDeg = 30, kPresentDeg = 30, kNearDeg = 10, kFarDeg = 45;
 constexpr int kGroupsAtOnce = 1;  // more pictures at once are slower on the CPU
 constexpr int kWarmUpSteps = 200;
 constexpr int kStepsOfAverage = 200;
 constexpr int kDraws = 100;
-
-Tensor ToTensor(const std::vector<Eigen::Matrix3d>& rotations) {
-  auto tensor = torch::empty({static_cast<std::int64_t>(rotations.size()), 3, 3});
-  for (std::size_t i = 0; i < rotations.size(); ++i)
-    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(tensor.data_ptr<float>() + 9 * i) = rotations[i].cast<float>();
-  return tensor;
-}
 
 /// Degrees between rotations. [B, K, 3, 3], [B, 1, 3, 3] -> [B, K]
 Tensor AnglesBetween(const Tensor& a, const Tensor& b) {
@@ -72,14 +64,13 @@ CodedGroups Encode(const ObjectPrior& prior, const ViewCache& cache, const Ranke
 /// The maxima of many correlations on a grid of rotations.
 class GridModes {
  public:
-  GridModes(int max_degree, double temperature, int count) : max_degree_(max_degree), temperature_(temperature), count_(count) {
-    const std::vector<Eigen::Matrix3d> grid = SuperFibonacciRotations(kGridSize);
-    const RowMajorMatrixXf wigner = WignerMatrices(grid, max_degree);
+  GridModes(const RotationPosterior& posterior, double temperature, int count)
+      : max_degree_(posterior.max_degree()), temperature_(temperature), count_(count), rotations_(ToTensor(posterior.grid()).flatten(1)) {
+    const RowMajorMatrixXf& wigner = posterior.grid_wigner();
     wigner_ = torch::from_blob(const_cast<float*>(wigner.data()), {wigner.rows(), wigner.cols()}, torch::kFloat)
                   .t()
                   .to(ProcessorHasBFloat16() ? torch::kBFloat16 : torch::kFloat)
                   .contiguous();
-    rotations_ = ToTensor(grid).flatten(1);
   }
 
   struct Modes {
@@ -105,7 +96,7 @@ class GridModes {
   int max_degree_;
   double temperature_;
   int count_;
-  Tensor wigner_, rotations_;
+  Tensor rotations_, wigner_;
 };
 
 /// Rotations turned by random vectors whose length is about `degrees`.
@@ -127,7 +118,7 @@ class Trainer {
  public:
   Trainer(const RankerTrainingOptions& options, const ObjectPrior& prior, CodedGroups groups, const ProgressCallback& progress)
       : options_(options), progress_(progress), groups_(std::move(groups)),
-        grid_(options.ranker.max_degree, prior.calibration().temperature, options.modes) {
+        grid_(prior.posterior(), prior.calibration().temperature, options.modes) {
     torch::manual_seed(options.seed);
     ranker_ = ModeRanker(options.ranker);
     score_weight_ = torch::zeros({1}).requires_grad_();  // softplus(0) = 0.7
