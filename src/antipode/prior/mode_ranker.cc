@@ -6,19 +6,14 @@
 #include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
-#include "antipode/weights/metadata_number.h"
+#include "antipode/weights/metadata_fields.h"
 
 namespace antipode {
 namespace {
 
 using torch::Tensor;
 
-struct Field {
-  const char* name;
-  int ModeRankerConfig::* value;
-  int least, most;
-};
-constexpr Field kFields[] = {
+constexpr MetadataField<ModeRankerConfig> kFields[] = {
     {"ranker_max_degree", &ModeRankerConfig::max_degree, 1, 16}, {"ranker_channels", &ModeRankerConfig::channels, 1, 1024},
     {"ranker_points", &ModeRankerConfig::points, 4, 4096},       {"ranker_width", &ModeRankerConfig::width, 1, 1024},
     {"ranker_hidden", &ModeRankerConfig::hidden, 1, 4096},
@@ -47,22 +42,18 @@ Tensor Scaled(const Tensor& codes) {
 }  // namespace
 
 void ModeRankerConfig::Check() const {
-  for (const Field& field : kFields) {
-    const int value = this->*field.value;
-    if (value < field.least || value > field.most)
-      throw InvalidOption(field.name, "is " + std::to_string(value), "use " + std::to_string(field.least) + " to " + std::to_string(field.most));
-  }
+  CheckFields(kFields, *this);
 }
 
 std::map<std::string, std::string> ModeRankerConfig::ToMetadata() const {
   std::map<std::string, std::string> metadata;
-  for (const Field& field : kFields) metadata[field.name] = std::to_string(this->*field.value);
+  WriteFields(kFields, *this, metadata);
   return metadata;
 }
 
 ModeRankerConfig ModeRankerConfig::FromMetadata(const std::map<std::string, std::string>& metadata, const std::string& file) {
   ModeRankerConfig config;
-  for (const Field& field : kFields) config.*field.value = static_cast<int>(MetadataNumber(metadata, field.name, file));
+  ReadFields(kFields, metadata, file, config);
   config.Check();
   return config;
 }

@@ -4,7 +4,7 @@
 
 #include "antipode/geometry/spherical_harmonics.h"
 #include "antipode/util/error.h"
-#include "antipode/weights/metadata_number.h"
+#include "antipode/weights/metadata_fields.h"
 
 namespace antipode {
 namespace {
@@ -14,12 +14,7 @@ using torch::Tensor;
 
 constexpr int kStride = 16;
 
-struct Field {
-  const char* name;
-  int ObjectEncoderConfig::* value;
-  int least, most;
-};
-constexpr Field kFields[] = {
+constexpr MetadataField<ObjectEncoderConfig> kFields[] = {
     {"image_size", &ObjectEncoderConfig::image_size, 32, 1024},
     {"max_degree", &ObjectEncoderConfig::max_degree, 1, 16},
     {"channels", &ObjectEncoderConfig::channels, 1, 512},
@@ -59,19 +54,14 @@ Tensor Flatten(const Tensor& map) { return map.flatten(2).transpose(1, 2); }  //
 }  // namespace
 
 void ObjectEncoderConfig::Check() const {
-  for (const Field& field : kFields) {
-    const int value = this->*field.value;
-    if (value < field.least || value > field.most)
-      throw InvalidOption(std::string("prior.") + field.name, "is " + std::to_string(value),
-                          "use " + std::to_string(field.least) + " to " + std::to_string(field.most));
-  }
+  CheckFields(kFields, *this, "prior.");
   if (image_size % 32 != 0) throw InvalidOption("prior.image_size", "is not a multiple of 32");
   if (width % heads != 0) throw InvalidOption("prior.heads", "does not divide the width");
 }
 
 std::map<std::string, std::string> ObjectEncoderConfig::ToMetadata() const {
   std::map<std::string, std::string> metadata{{"architecture", "object-encoder-1"}};
-  for (const Field& field : kFields) metadata[field.name] = std::to_string(this->*field.value);
+  WriteFields(kFields, *this, metadata);
   return metadata;
 }
 
@@ -82,7 +72,7 @@ ObjectEncoderConfig ObjectEncoderConfig::FromMetadata(
     throw BadFile(file, "is not an object prior (no architecture object-encoder-1 in its metadata)",
                   "use a model that 'antipode train prior' wrote");
   ObjectEncoderConfig config;
-  for (const Field& field : kFields) config.*field.value = static_cast<int>(MetadataNumber(metadata, field.name, file));
+  ReadFields(kFields, metadata, file, config);
   config.Check();
   return config;
 }
