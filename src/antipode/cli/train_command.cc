@@ -16,6 +16,19 @@
 namespace antipode {
 namespace {
 
+/// What a trainer renders before it starts.
+void DeclareCache(CLI::App& app, std::filesystem::path& folder, ViewCacheOptions& views) {
+  app.add_option("--cache", folder, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+  app.add_option("--cached-views", views.views_per_object, "Views rendered of each variant of an object")->capture_default_str()->type_name("N");
+  app.add_option("--variants", views.variants, "Variants of an object: itself, then in turn stretched, retextured, joined with another")
+      ->capture_default_str()->type_name("N");
+}
+
+template <typename Result>
+void WriteJson(const CommonOptions& common, const Result& result) {
+  common.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+}
+
 class TrainPriorCommand : public Command {
  public:
   std::string Name() const override { return "prior"; }
@@ -32,8 +45,7 @@ class TrainPriorCommand : public Command {
         ->required()->type_name("DIR");
     app.add_option("--validation", options_.validation_objects, "Folder of .glb files to measure on")
         ->type_name("DIR");
-    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")
-        ->type_name("DIR");
+    DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")
         ->capture_default_str()->type_name("N");
     app.add_option("--iterations", options_.iterations, "Or a number of steps, which makes runs reproducible")
@@ -48,10 +60,6 @@ class TrainPriorCommand : public Command {
     app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")
         ->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")
-        ->capture_default_str()->type_name("N");
-    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each variant of an object")
-        ->capture_default_str()->type_name("N");
-    app.add_option("--variants", options_.views.variants, "Variants of an object: itself, then in turn stretched, retextured, joined with another")
         ->capture_default_str()->type_name("N");
     common_.Declare(app);
   }
@@ -117,14 +125,12 @@ class TrainRankerCommand : public Command {
     app.add_option("--out", options_.out, "Folder for log.csv and the model prior/, both stages in one")->required()->type_name("DIR");
     app.add_option("--validation", options_.validation_objects, "Folder of .glb files to calibrate on; without: as it was")->type_name("DIR");
     app.add_option("--model", options_.prior, "The first stage: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
-    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+    DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget after encoding")->capture_default_str()->type_name("N");
     app.add_option("--iterations", options_.iterations, "Or a number of steps, which makes runs reproducible")->type_name("N");
     app.add_option("--groups", options_.groups, "Groups of views of one object that are encoded")->capture_default_str()->type_name("N");
     app.add_option("--batch", options_.batch, "Pairs a step")->capture_default_str()->type_name("N");
     app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
-    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each variant of an object")->capture_default_str()->type_name("N");
-    app.add_option("--variants", options_.views.variants, "Variants of an object, see train prior")->capture_default_str()->type_name("N");
     common_.Declare(app);
   }
 
@@ -137,7 +143,7 @@ class TrainRankerCommand : public Command {
       if (progress.stage != "training") ThrowIfInterrupted();
       line.Show(progress);
     });
-    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+    WriteJson(common_, result);
     if (!common_.PrintsText()) return;
     std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last\n", static_cast<long long>(result.steps), result.first_loss,
                            result.last_loss)
@@ -161,9 +167,8 @@ class TrainUprightCommand : public Command {
   void DeclareOptions(CLI::App& app) override {
     app.add_option("--objects", options_.objects, "Folder of .glb files that stand upright, +Y up")->required()->type_name("DIR");
     app.add_option("--out", options_.out, "Folder for the model upright/")->required()->type_name("DIR");
-    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+    DeclareCache(app, options_.cache, options_.views);
     app.add_option("--model", prior_, "The prior: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
-    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")->capture_default_str()->type_name("N");
     app.add_option("--steps", options_.steps, "Of the optimiser")->capture_default_str()->type_name("N");
     common_.Declare(app);
   }
@@ -200,14 +205,13 @@ class TrainViewsCommand : public Command {
   void DeclareOptions(CLI::App& app) override {
     app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model views/")->required()->type_name("DIR");
-    app.add_option("--cache", options_.cache, "Folder for the rendered views; without: OUT/cache")->type_name("DIR");
+    DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
     app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
     app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
     app.add_option("--learning-rate", options_.learning_rate, "Of the optimiser")->capture_default_str()->type_name("X");
     app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
-    app.add_option("--cached-views", options_.views.views_per_object, "Views rendered of each object")->capture_default_str()->type_name("N");
     app.add_option("--image-size", image_size_, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
     app.add_option("--width", width_, "Channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
     app.add_option("--predict", predict_, "velocity or noise")->capture_default_str()->type_name("NAME");
@@ -228,7 +232,7 @@ class TrainViewsCommand : public Command {
       if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
       line.Show(progress);
     });
-    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+    WriteJson(common_, result);
     if (result.interrupted)
       throw Interrupted("training", Formatted("stopped on request after %lld steps; all is saved", static_cast<long long>(result.steps)),
                         "go on with the same command and --resume");
@@ -287,7 +291,7 @@ class TrainViewComparisonCommand : public Command {
     common_.Apply();
     options_.seed = common_.seed;
     const ViewComparisonTrainingResult result = Train();
-    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+    WriteJson(common_, result);
     if (!common_.PrintsText()) return;
     std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last; %.4f for a network that says nothing\n",
                            static_cast<long long>(result.steps), result.first_loss, result.last_loss, result.uninformed_loss)
