@@ -1,7 +1,6 @@
 #include "antipode/training/batch_loader.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "antipode/util/seeds.h"
 
@@ -9,16 +8,6 @@ namespace antipode {
 namespace {
 
 constexpr int kBatchesAhead = 2;
-
-/// `count` different numbers below `limit` (fewer if there are not so many).
-std::vector<int> DrawDistinct(int count, int limit, std::mt19937_64& random) {
-  std::vector<int> numbers(limit);
-  std::iota(numbers.begin(), numbers.end(), 0);
-  count = std::min(count, limit);
-  for (int i = 0; i < count; ++i) std::swap(numbers[i], numbers[i + UniformIndex(random, limit - i)]);
-  numbers.resize(count);
-  return numbers;
-}
 
 }  // namespace
 
@@ -46,10 +35,10 @@ ViewBatch BatchLoader::Make(std::int64_t index) const {
   batch.groups = groups_;
   auto pixels = torch::empty({groups_ * views_, image_size_, image_size_, 4}, torch::kUInt8);
   std::uint8_t* destination = pixels.data_ptr<std::uint8_t>();
-  for (const int group : DrawDistinct(groups_, cache_.group_count(), random)) {
+  for (const int group : DrawDistinct<int>(groups_, cache_.group_count(), random)) {
     const RollRegime regime = DrawRegime(augmentation_, random);
     const bool mirrored = UniformIn(random, 0, 1) < augmentation_.mirror_share;
-    for (const int view : DrawDistinct(views_, cache_.views_per_group(), random)) {
+    for (const int view : DrawDistinct<int>(views_, cache_.views_per_group(), random)) {
       const double roll = DrawRoll(regime, augmentation_, random);
       const AugmentedView augmented = AugmentView(cache_, group, view, roll, mirrored, image_size_, augmentation_, random);
       const std::size_t bytes = augmented.rgba.total() * 4;

@@ -9,7 +9,6 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
-#include <numbers>
 #include <thread>
 
 #include "antipode/evaluation/prior_evaluation.h"
@@ -21,6 +20,7 @@
 #include "antipode/nn/precision.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/training/batch_loader.h"
+#include "antipode/training/learning_rate.h"
 #include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -187,17 +187,13 @@ class Trainer {
     return text;
   }
 
-  double LearningRateFactor() const {
-    const double warm_up = std::min(1.0, (step_ + 1.0) / options_.warm_up_steps);
-    return warm_up * (0.01 + 0.99 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction())));
-  }
+  double Factor() const { return LearningRateFactor(step_, options_.warm_up_steps, Fraction(), 0.01); }
 
   void SetLearningRates() {
-    const double factor = LearningRateFactor();
+    const double factor = Factor();
     const double unfreezing = std::clamp((step_ - FrozenSteps()) / 200.0, 0.0, 1.0);
-    auto& groups = optimizer_->param_groups();
-    static_cast<torch::optim::AdamWOptions&>(groups[0].options()).lr(options_.backbone_learning_rate * factor * unfreezing);
-    static_cast<torch::optim::AdamWOptions&>(groups[1].options()).lr(options_.learning_rate * factor);
+    SetLearningRate(*optimizer_, options_.backbone_learning_rate * factor * unfreezing, 0);
+    SetLearningRate(*optimizer_, options_.learning_rate * factor, 1);
   }
 
   struct PreparedBatch {
@@ -346,7 +342,7 @@ class Trainer {
   }
 
   void WriteLog(const std::string& validation) {
-    log_ << step_ << ',' << Minutes() << ',' << recent_loss_ << ',' << options_.learning_rate * LearningRateFactor() << ','
+    log_ << step_ << ',' << Minutes() << ',' << recent_loss_ << ',' << options_.learning_rate * Factor() << ','
          << (validation.empty() ? ",,," : validation) << std::endl;
   }
 

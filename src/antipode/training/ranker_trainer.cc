@@ -7,13 +7,13 @@
 
 #include "antipode/evaluation/prior_evaluation.h"
 #include "antipode/geometry/rotation.h"
-#include "antipode/geometry/so3_grid.h"
-#include "antipode/geometry/wigner.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/precision.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/prior/object_prior.h"
 #include "antipode/training/batch_loader.h"
+#include "antipode/training/learning_rate.h"
+#include "antipode/training/loss_average.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/formatted.h"
@@ -131,17 +131,18 @@ class Trainer {
     log << "step,minutes,loss,share_right\n";
     RankerTrainingResult result;
     for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
-      const double warm_up = std::min(1.0, (result.steps + 1.0) / kWarmUpSteps);
-      const double rate = warm_up * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction(result.steps))));
-      static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(options_.learning_rate * rate);
+      SetLearningRate(optimizer, options_.learning_rate * LearningRateFactor(result.steps, kWarmUpSteps, Fraction(result.steps)));
       torch::manual_seed(CombineSeeds(options_.seed + 2, static_cast<std::uint64_t>(result.steps)));
       optimizer.zero_grad();
       const Tensor loss = Loss();
       loss.backward();
       optimizer.step();
-      Account(loss.item<double>(), result);
-      if (result.steps % 100 == 99) log << result.steps + 1 << ',' << stopwatch_.Seconds() / 60 << ',' << result.last_loss << ',' << right_ << std::endl;
+      losses_.Add(loss.item<double>());
+      Report(result.steps);
+      if (result.steps % 100 == 99) log << result.steps + 1 << ',' << stopwatch_.Seconds() / 60 << ',' << losses_.last() << ',' << right_ << std::endl;
     }
+    result.first_loss = losses_.first();
+    result.last_loss = losses_.last();
     return result;
   }
 
@@ -193,13 +194,8 @@ class Trainer {
     return cross_entropy(joint) + 0.5 * cross_entropy(log_weights);
   }
 
-  void Account(double loss, RankerTrainingResult& result) const {
-    if (!std::isfinite(loss)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
-    const double weight = 1 / std::min<double>(kStepsOfAverage, static_cast<double>(result.steps + 1));
-    result.last_loss += weight * (loss - result.last_loss);
-    if (result.steps < kStepsOfAverage) result.first_loss = result.last_loss;
-    if (progress_)
-      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(result.steps)), 1000, Formatted("loss %.3f", result.last_loss)});
+  void Report(std::int64_t steps) const {
+    if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction(steps)), 1000, Formatted("loss %.3f", losses_.last())});
   }
 
   const RankerTrainingOptions& options_;
@@ -208,6 +204,7 @@ class Trainer {
   GridModes grid_;
   ModeRanker ranker_{nullptr};
   Tensor score_weight_;
+  LossAverage losses_{kStepsOfAverage};
   double right_ = 0;
   Stopwatch stopwatch_;
 };

@@ -9,6 +9,7 @@
 #include "antipode/nn/module_weights.h"
 #include "antipode/orientation/orientation.h"
 #include "antipode/training/augmentation.h"
+#include "antipode/training/learning_rate.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/seeds.h"
@@ -97,8 +98,7 @@ double Train(UprightReadout& readout, const CodedViews& views, const UprightTrai
   torch::optim::AdamW optimizer(readout->parameters(), torch::optim::AdamWOptions(options.learning_rate).weight_decay(options.weight_decay));
   double loss_average = 0;
   for (int step = 0; step < options.steps; ++step) {
-    const double rate = options.learning_rate * 0.5 * (1 + std::cos(std::numbers::pi * step / options.steps));
-    static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(rate);
+    SetLearningRate(optimizer, options.learning_rate * LearningRateFactor(step, 0, static_cast<double>(step) / options.steps, 0));
     const auto rows = torch::randint(views.codes.size(0), {options.batch}, torch::kLong);
     const auto codes = views.codes.index_select(0, rows);
     const auto noisy = torch::dropout(codes + options.noise * torch::randn_like(codes), options.dropout, true);

@@ -3,13 +3,13 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
-#include <numbers>
-#include <numeric>
 
 #include "antipode/gen6d/losses.h"
 #include "antipode/gen6d/shared_backbone.h"
 #include "antipode/geometry/rotation.h"
 #include "antipode/nn/module_weights.h"
+#include "antipode/training/learning_rate.h"
+#include "antipode/training/loss_average.h"
 #include "antipode/util/error.h"
 #include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
@@ -26,14 +26,6 @@ namespace fs = std::filesystem;
 constexpr int kStepsOfAverage = 100;
 constexpr int kWarmUpSteps = 200;
 
-double Uniform(std::mt19937_64& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-
-std::size_t Index(std::mt19937_64& random, std::size_t count) {
-  return std::uniform_int_distribution<std::size_t>(0, count - 1)(random);
-}
-
 Tensor ToTensor(const Eigen::MatrixXd& matrix) {
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
   return torch::from_blob(const_cast<double*>(rows.data()), {rows.rows(), rows.cols()}, torch::kDouble).to(torch::kFloat).clone();
@@ -43,18 +35,9 @@ Tensor ToTensor(const Eigen::MatrixXd& matrix) {
 QueryCrop JitteredCrop(const PosedPicture& query, std::mt19937_64& random) {
   const NormalizedView normalized = NormalizeUnrotated(query.intrinsics, query.camera_from_object);
   const auto difference = InPlaneDifferenceOf(normalized.intrinsics, normalized.camera_from_object, query.intrinsics, query.camera_from_object);
-  const double scale = difference.scale * std::exp2(Uniform(random, -0.25, 0.15));
+  const double scale = difference.scale * std::exp2(UniformIn(random, -0.25, 0.15));
   const Eigen::Vector2d centre = (query.intrinsics * query.camera_from_object.translation).hnormalized();
-  return {centre + scale * Eigen::Vector2d(Uniform(random, -6, 6), Uniform(random, -6, 6)), scale};
-}
-
-/// Some of the indices below `count`, each once.
-std::vector<std::size_t> Chosen(std::size_t count, int most, std::mt19937_64& random) {
-  std::vector<std::size_t> order(count);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::shuffle(order, random);
-  order.resize(std::min(count, static_cast<std::size_t>(most)));
-  return order;
+  return {centre + scale * Eigen::Vector2d(UniformIn(random, -6, 6), UniformIn(random, -6, 6)), scale};
 }
 
 /// Of one step; `uninformed` is the loss of a network that says nothing.
@@ -69,7 +52,7 @@ class SelectorStep {
 
   StepLoss Loss(const PosedObject& object, int queries, std::mt19937_64& random) {
     std::vector<PosedPicture> references;
-    for (const std::size_t i : Chosen(object.views.size(), views_, random)) references.push_back(object.views[i]);
+    for (const std::size_t i : DrawDistinct<std::size_t>(views_, object.views.size(), random)) references.push_back(object.views[i]);
     const SelectorReferences prepared = PrepareReferences(selector_, references);
     SelectorFeatures features;  // inference tensors take no part in training
     for (const Tensor& level : prepared.features) features.push_back(level.clone());
@@ -79,8 +62,8 @@ class SelectorStep {
     std::vector<float> angles;
     std::vector<std::int64_t> nearest;
     for (int i = 0; i < queries; ++i) {
-      const auto& group = object.groups[Index(random, object.groups.size())].queries;
-      const PosedPicture& query = group[Index(random, group.size())];
+      const auto& group = object.groups[UniformIndex(random, object.groups.size())].queries;
+      const PosedPicture& query = group[UniformIndex(random, group.size())];
       crops.push_back(CropQuery(query.rgb, JitteredCrop(query, random), {}));
       AddTargets(prepared.views, query, scores, angles, nearest);
     }
@@ -117,7 +100,7 @@ class RefinerStep {
   explicit RefinerStep(Refiner refiner) : refiner_(std::move(refiner)) {}
 
   StepLoss Loss(const PosedObject& object, int most_queries, std::mt19937_64& random) {
-    const QueryGroup& group = object.groups[Index(random, object.groups.size())];
+    const QueryGroup& group = object.groups[UniformIndex(random, object.groups.size())];
     const PosedPicture& first = group.queries.front();
     const RefinementInput input = PrepareRefinement(object.views, {first.rgb, first.intrinsics}, group.coarse_camera_from_object);
     const Rigid3& pose = input.query.camera_from_object;
@@ -126,7 +109,7 @@ class RefinerStep {
 
     std::vector<cv::Mat> pictures;
     std::vector<Tensor> targets;
-    for (const std::size_t i : Chosen(group.queries.size(), most_queries, random)) {
+    for (const std::size_t i : DrawDistinct<std::size_t>(most_queries, group.queries.size(), random)) {
       const PosedPicture& query = group.queries[i];
       pictures.push_back(WarpPicture(query.rgb, input.query.normalized_pixel_from_pixel, Refiner::Impl::kImageSize, 255));
       const Rigid3 truth = Rigid3{input.query.normalized_from_camera, Eigen::Vector3d::Zero()} * query.camera_from_object;
@@ -169,17 +152,20 @@ class Training {
     ViewComparisonTrainingResult result;
     for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
       std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(first_step_ + result.steps)));
-      const double warm_up = std::min(1.0, (result.steps + 1.0) / kWarmUpSteps);
-      const double rate = warm_up * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * Fraction(result.steps))));
-      static_cast<torch::optim::AdamWOptions&>(optimizer.param_groups()[0].options()).lr(options_.learning_rate * rate);
+      SetLearningRate(optimizer, options_.learning_rate * LearningRateFactor(result.steps, kWarmUpSteps, Fraction(result.steps)));
       optimizer.zero_grad();
-      const StepLoss of_step = step.Loss(objects[Index(random, objects.size())], options_.batch, random);
-      Account(of_step, result);
+      const StepLoss of_step = step.Loss(objects[UniformIndex(random, objects.size())], options_.batch, random);
+      losses_.Add(of_step.loss.item<double>());
+      uninformed_.Add(of_step.uninformed);
+      Report(result.steps);
       of_step.loss.backward();
       torch::nn::utils::clip_grad_norm_(Trained(), options_.gradient_clip);
       optimizer.step();
-      if (result.steps % 20 == 0) log << first_step_ + result.steps << ',' << Minutes() << ',' << result.last_loss << ',' << result.uninformed_loss << std::endl;
+      if (result.steps % 20 == 0) log << first_step_ + result.steps << ',' << Minutes() << ',' << losses_.last() << ',' << uninformed_.last() << std::endl;
     }
+    result.first_loss = losses_.first();
+    result.last_loss = losses_.last();
+    result.uninformed_loss = uninformed_.last();
     result.model = Save(result);
     return result;
   }
@@ -229,16 +215,10 @@ class Training {
     first_step_ = std::stoll(file.metadata.at("steps"));
   }
 
-  void Account(const StepLoss& of_step, ViewComparisonTrainingResult& result) const {
-    const double loss = of_step.loss.item<double>();
-    if (!std::isfinite(loss)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
-    const double weight = 1 / std::min<double>(kStepsOfAverage, static_cast<double>(result.steps + 1));
-    result.last_loss += weight * (loss - result.last_loss);
-    result.uninformed_loss += weight * (of_step.uninformed - result.uninformed_loss);
-    if (result.steps < kStepsOfAverage) result.first_loss = result.last_loss;
+  void Report(std::int64_t steps) const {
     if (progress_)
-      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(result.steps)), 1000,
-                 Formatted("loss %.4f, %.4f if it said nothing", result.last_loss, result.uninformed_loss)});
+      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(steps)), 1000,
+                 Formatted("loss %.4f, %.4f if it said nothing", losses_.last(), uninformed_.last())});
   }
 
   fs::path Save(const ViewComparisonTrainingResult& result) {
@@ -261,6 +241,7 @@ class Training {
   const ProgressCallback& progress_;
   SharedBackbone backbone_;
   std::int64_t first_step_ = 0;
+  LossAverage losses_{kStepsOfAverage}, uninformed_{kStepsOfAverage};
   Stopwatch stopwatch_;
 };
 

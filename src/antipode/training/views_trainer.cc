@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <numbers>
 #include <vector>
 
 #include "antipode/geometry/look_at.h"
@@ -10,6 +9,8 @@
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/precision.h"
 #include "antipode/training/batch_loader.h"
+#include "antipode/training/learning_rate.h"
+#include "antipode/training/loss_average.h"
 #include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -49,24 +50,22 @@ class Trainer {
     std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
     if (!options_.resume) log << "step,minutes,loss\n";
     ViewsTrainingResult result;
-    for (std::int64_t step = 0; Fraction() < 1; ++step) {
-      const double loss = Step();
-      if (step < kShown) result.first_loss += (loss - result.first_loss) / static_cast<double>(step + 1);
-      result.last_loss += (loss - result.last_loss) / std::min<double>(kShown, static_cast<double>(step + 1));
-      if (step_ % 20 == 0) log << step_ << ',' << Minutes() << ',' << result.last_loss << std::endl;
-      if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction()), 1000, "loss " + std::to_string(result.last_loss)});
+    while (Fraction() < 1) {
+      Step();
+      if (step_ % 20 == 0) log << step_ << ',' << Minutes() << ',' << losses_.last() << std::endl;
+      if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction()), 1000, "loss " + std::to_string(losses_.last())});
       result.interrupted = InterruptRequested();
       if (result.interrupted) break;
     }
     SaveCheckpoint();
     result.steps = step_;
+    result.first_loss = losses_.first();
+    result.last_loss = losses_.last();
     result.model = SaveAverage();
     return result;
   }
 
  private:
-  static constexpr int kShown = 20;
-
   double Minutes() const {
     return minutes_before_ + stopwatch_.Seconds() / 60;
   }
@@ -105,7 +104,7 @@ class Trainer {
     return {view * picture.transpose(), {of_picture.elevation - of_view.elevation, of_view.azimuth - of_picture.azimuth, 0}};
   }
 
-  double Step() {
+  void Step() {
     torch::manual_seed(CombineSeeds(options_.seed + 1, static_cast<std::uint64_t>(step_)));
     const Batch batch = NextBatch();
     const auto count = batch.views.size(0);
@@ -117,8 +116,7 @@ class Trainer {
     const Tensor noise = torch::randn(batch.views.sizes()).to(device_);
     const Tensor is_conditional = (torch::rand({count}) >= options_.unconditional_share).to(torch::kFloat).to(device_);
     const Tensor noisy = alpha_bar.sqrt() * batch.views + (1 - alpha_bar).sqrt() * noise;
-    const double rate = options_.learning_rate * (0.02 + 0.98 * 0.5 * (1 + std::cos(std::numbers::pi * std::min(1.0, Fraction()))));
-    static_cast<torch::optim::AdamWOptions&>(optimizer_->param_groups()[0].options()).lr(rate);
+    SetLearningRate(*optimizer_, options_.learning_rate * LearningRateFactor(step_, 0, Fraction()));
     optimizer_->zero_grad();
     Tensor predicted;
     {
@@ -127,14 +125,12 @@ class Trainer {
                                   model_->PoseNumbers(batch.conditions).to(device_), is_conditional);
     }
     const Tensor loss = (predicted.to(torch::kFloat) - TargetOf(model_->config().target, batch.views, noise, alpha_bar)).square().mean();
-    const double value = loss.item<double>();
-    if (!std::isfinite(value)) throw Error("training", "the loss is not finite", "use a lower --learning-rate");
+    losses_.Add(loss.item<double>());
     loss.backward();
     torch::nn::utils::clip_grad_norm_(model_->parameters(), options_.gradient_clip);
     optimizer_->step();
     UpdateAverage(average_, *model_, options_.average_decay, step_);
     ++step_;
-    return value;
   }
 
   void SaveCheckpoint() {
@@ -173,6 +169,7 @@ class Trainer {
   std::unique_ptr<torch::optim::AdamW> optimizer_;
   MovingAverage average_;
   std::int64_t step_ = 0;
+  LossAverage losses_{20};
   double minutes_before_ = 0;
   Stopwatch stopwatch_;
 };

@@ -1,8 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <numeric>
 #include <random>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 namespace antipode {
 
@@ -29,6 +33,18 @@ inline double UniformIn(std::mt19937_64& random, double low, double high) {
 /// Uniform in 0..count - 1, the same on every platform.
 inline std::size_t UniformIndex(std::mt19937_64& random, std::size_t count) {
   return static_cast<std::size_t>(random() % count);
+}
+
+/// `count` different numbers below `limit` (fewer if there are not so many), in random order, the same on every platform.
+template <typename Integer>
+std::vector<Integer> DrawDistinct(Integer count, Integer limit, std::mt19937_64& random) {
+  std::vector<Integer> numbers(static_cast<std::size_t>(limit));
+  std::iota(numbers.begin(), numbers.end(), Integer{0});
+  count = std::min(count, limit);
+  for (Integer i = 0; i < count; ++i)
+    std::swap(numbers[i], numbers[i + static_cast<Integer>(UniformIndex(random, static_cast<std::size_t>(limit - i)))]);
+  numbers.resize(static_cast<std::size_t>(count));
+  return numbers;
 }
 
 }  // namespace antipode
