@@ -78,7 +78,7 @@ std::vector<VerifiedMode> CoarseModes(const Reference& reference, const ObjectPo
     return modes;
   }
   const torch::Tensor code = models.prior->Encode(std::span(&view, 1))[0];
-  for (const RotationMode& mode : models.prior->Compare(reference.code, code, {.max_modes = count}))
+  for (const RotationMode& mode : models.prior->CompareWithJoined(reference.code, code, {.max_modes = count}))
     modes.push_back({mode, {}, mode.rotation, "prior"});
   return modes;
 }

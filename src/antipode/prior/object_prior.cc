@@ -182,6 +182,12 @@ std::vector<RotationMode> ObjectPrior::Compare(const torch::Tensor& reference_co
   return modes;
 }
 
+std::vector<RotationMode> ObjectPrior::CompareWithJoined(const torch::Tensor& joined_code, const torch::Tensor& query_code,
+                                                         PosteriorOptions options) const {
+  options.temperature *= calibration_.temperature;
+  return posterior_->FindModes(Correlation(joined_code, query_code), options);
+}
+
 std::vector<RotationMode> ObjectPrior::WeighedModes(const torch::Tensor& reference_code, const torch::Tensor& query_code,
                                                     PosteriorOptions options, CameraRoll roll) const {
   options.temperature *= calibration_.temperature;

@@ -80,6 +80,11 @@ class ObjectPrior {
   std::vector<RotationMode> Compare(const torch::Tensor& reference_code, const torch::Tensor& query_code,
                                     PosteriorOptions options = {}, CameraRoll roll = CameraRoll::kAny) const;
 
+  /// Peaks of p(query_crop_from_object), best first, for a code of JoinViews: of the first stage alone, since the second
+  /// one was trained on codes of single pictures.
+  std::vector<RotationMode> CompareWithJoined(const torch::Tensor& joined_code, const torch::Tensor& query_code,
+                                              PosteriorOptions options = {}) const;
+
   /// The modes before Compare leaves out the less probable ones: at least 8, if there are so many, where there is anything
   /// to weigh them anew by.
   std::vector<RotationMode> WeighedModes(const torch::Tensor& reference_code, const torch::Tensor& query_code,

@@ -125,6 +125,7 @@ TEST(ObjectPrior, TheSecondStageWeighsModesAndPosteriorAlike) {
     EXPECT_LE(after[k].probability, after[k == 0 ? 0 : k - 1].probability);
   }
   EXPECT_NEAR(sum_before, sum_after, 1e-9);
+  EXPECT_TRUE(both.CompareWithJoined(codes[0], codes[1]).front().rotation.isApprox(before.front().rotation, 1e-9));
   EXPECT_GT(change, 0.02);
 }
 
