@@ -41,6 +41,14 @@ Eigen::Matrix<double, 5, 5> CovarianceOf(ceres::Problem& problem, double varianc
 
 }  // namespace
 
+std::vector<RayPair> RaysOf(const Correspondences& correspondences, const PinholeCamera& reference, const PinholeCamera& query) {
+  std::vector<RayPair> rays;
+  rays.reserve(correspondences.size());
+  for (std::size_t i = 0; i < correspondences.size(); ++i)
+    rays.push_back({reference.Ray(correspondences.reference[i]), query.Ray(correspondences.query[i])});
+  return rays;
+}
+
 RefinedPose RefineBySampsonError(const std::vector<RayPair>& rays, const Rigid3& initial, double focal_length,
                                  double scale_px) {
   Eigen::Quaterniond rotation(initial.rotation);

@@ -6,7 +6,9 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "antipode/geometry/camera.h"
 #include "antipode/geometry/rigid3.h"
+#include "antipode/matching/matcher.h"
 
 namespace antipode {
 
@@ -14,6 +16,8 @@ namespace antipode {
 struct RayPair {
   Eigen::Vector3d reference, query;
 };
+
+std::vector<RayPair> RaysOf(const Correspondences& correspondences, const PinholeCamera& reference, const PinholeCamera& query);
 
 /// (y^T E x) / sqrt((E x)_1^2 + (E x)_2^2 + (E^T y)_1^2 + (E^T y)_2^2),  E = [t]_x R: the signed Sampson distance on
 /// the plane at depth 1, of any scalar type that Ceres differentiates.

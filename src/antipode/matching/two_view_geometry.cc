@@ -20,18 +20,6 @@ constexpr std::size_t kMinimalSample = 5;
 constexpr double kExplainedShare = 0.95;  // of the inliers, by a simpler model
 constexpr int kRefinements = 3;
 
-double MeanFocalLength(const CameraPair& cameras) {
-  return (cameras.reference.fx + cameras.reference.fy + cameras.query.fx + cameras.query.fy) / 4;
-}
-
-std::vector<RayPair> Rays(const Correspondences& correspondences, const CameraPair& cameras) {
-  std::vector<RayPair> rays;
-  rays.reserve(correspondences.size());
-  for (std::size_t i = 0; i < correspondences.size(); ++i)
-    rays.push_back({cameras.reference.Ray(correspondences.reference[i]), cameras.query.Ray(correspondences.query[i])});
-  return rays;
-}
-
 double SampsonDistance(const RayPair& rays, const Rigid3& pose) {
   return std::abs(SignedSampsonDistance<double>(rays, pose.rotation, pose.translation));
 }
@@ -185,15 +173,15 @@ double TwoViewGeometry::RotationDeviationDeg() const {
 std::vector<double> SampsonDistances(const Correspondences& correspondences, const CameraPair& cameras,
                                      const Rigid3& query_from_reference) {
   std::vector<double> distances;
-  for (const RayPair& pair : Rays(correspondences, cameras))
-    distances.push_back(MeanFocalLength(cameras) * SampsonDistance(pair, query_from_reference));
+  for (const RayPair& pair : RaysOf(correspondences, cameras.reference, cameras.query))
+    distances.push_back(cameras.MeanFocalLength() * SampsonDistance(pair, query_from_reference));
   return distances;
 }
 
 TwoViewGeometry EstimateTwoViewGeometry(const Correspondences& correspondences, const CameraPair& cameras,
                                         const TwoViewGeometryOptions& options) {
   options.Check();
-  return Estimator(Rays(correspondences, cameras), MeanFocalLength(cameras), options).FromScratch();
+  return Estimator(RaysOf(correspondences, cameras.reference, cameras.query), cameras.MeanFocalLength(), options).FromScratch();
 }
 
 TwoViewGeometry RefineTwoViewGeometry(const Correspondences& correspondences, const CameraPair& cameras,
@@ -203,7 +191,7 @@ TwoViewGeometry RefineTwoViewGeometry(const Correspondences& correspondences, co
   Rigid3 initial = initial_query_from_reference;
   if (!(initial.translation.norm() > 0)) throw Error("two-view geometry", "got an initial pose without translation");
   initial.translation.normalize();
-  return Estimator(Rays(correspondences, cameras), MeanFocalLength(cameras), options)
+  return Estimator(RaysOf(correspondences, cameras.reference, cameras.query), cameras.MeanFocalLength(), options)
       .Refine(initial, std::max(capture_px, options.threshold_px));
 }
 

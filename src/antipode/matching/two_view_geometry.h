@@ -15,6 +15,8 @@ namespace antipode {
 /// Two calibrated cameras that see the same points.
 struct CameraPair {
   PinholeCamera reference, query;
+
+  double MeanFocalLength() const { return (reference.fx + reference.fy + query.fx + query.fy) / 4; }
 };
 
 enum class TwoViewStatus {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "antipode/geometry/rotation.h"
+#include "antipode/pose/joint_posterior.h"
 #include "antipode/util/error.h"
 #include "antipode/util/stopwatch.h"
 
@@ -12,16 +13,25 @@ namespace antipode {
 namespace {
 
 constexpr double kTrustedDirectionDeg = 10;  // of the translation, by the covariance
-constexpr double kSameModeDeg = 30;
 constexpr double kTurnWorthTrying = 0.1;  // posterior mass; at least one of four quarter turns has more
 
-/// Printed by scripts/fit_matching_probability.py.
+constexpr int kLeastMatches = 8;  // fewer are chance
+
+/// Printed by scripts/fit_confidence.py.
 struct MatchingWeights {
   double constant, inliers, share, deviation, disagreement;
 };
-constexpr MatchingWeights kWithPrior{-1.922, 1.321, -0.226, -0.207, -1.217};
-constexpr double kPriorMassWeight = 0.451;
-constexpr MatchingWeights kWithoutPrior{-5.465, 1.655, 0.107, -0.485, -0.817};
+constexpr MatchingWeights kMatching{-5.465, 1.655, 0.107, -0.485, -0.817};
+constexpr double kTiny = 1e-300;
+constexpr double kTruthIsAmongOthers = 0.74;  // if the first of several hypotheses is wrong, on validation objects
+struct JointWeights {
+  double constant, share, prior;
+};
+constexpr JointWeights kJoint{-0.358, 0.408, 0.444};
+constexpr double kTellingSupport = 10;  // with so much support of the matches the prior's own confidence counts 1/e
+constexpr double kLeastShare = 1e-3;    // shares of nearly 0 or 1 are not to be believed
+
+double Logistic(double log_odds) { return 1 / (1 + std::exp(-log_odds)); }
 
 void AddWarnings(const std::string& whose, const std::vector<std::string>& from,
                  std::vector<std::string>& to) {
@@ -93,22 +103,20 @@ struct WeighedPose {
   double probability = 0;
 };
 
-WeighedPose Weigh(const CroppedPair& views, const MatchedViews& matched, const TwoViewGeometry& geometry,
-                  const GridPosterior* prior) {
+WeighedPose Weigh(const CroppedPair& views, const MatchedViews& matched, const TwoViewGeometry& geometry) {
   WeighedPose weighed{geometry, {}, 0};
   weighed.evidence = {static_cast<int>(matched.correspondences.size()), geometry.inliers,
                       std::min(geometry.RotationDeviationDeg(), 180.0),
-                      TranslationDisagreementDeg(views, geometry.query_from_reference), {}};
-  if (prior != nullptr) weighed.evidence.prior_mass = prior->MassAround(geometry.query_from_reference.rotation);
+                      TranslationDisagreementDeg(views, geometry.query_from_reference)};
   weighed.probability = MatchingProbability(weighed.evidence);
   return weighed;
 }
 
 /// Of all explanations of the matches the most probable.
-WeighedPose MostProbable(const CroppedPair& views, const MatchedViews& matched, const GridPosterior* prior) {
-  WeighedPose best = Weigh(views, matched, matched.geometry, prior);
+WeighedPose MostProbable(const CroppedPair& views, const MatchedViews& matched) {
+  WeighedPose best = Weigh(views, matched, matched.geometry);
   for (const TwoViewGeometry& alternative : matched.alternatives) {
-    WeighedPose other = Weigh(views, matched, alternative, prior);
+    WeighedPose other = Weigh(views, matched, alternative);
     if (other.probability > best.probability) best = std::move(other);
   }
   return best;
@@ -119,8 +127,6 @@ void File(const WeighedPose& weighed, TwoViewPose& result) {
   result.evidence["inliers"] = evidence.inliers;
   result.evidence["rotation_deviation_deg"] = evidence.rotation_deviation_deg;
   result.evidence["translation_disagreement_deg"] = evidence.translation_disagreement_deg;
-  if (evidence.prior_mass) result.evidence["prior_mass"] = *evidence.prior_mass;
-  result.evidence["matching_probability"] = weighed.probability;
 }
 
 /// Of a result that is the pose of matching.
@@ -143,33 +149,46 @@ std::vector<int> TurnsSuggestedBy(const GridPosterior& prior) {
   return turns;
 }
 
-/// The likeliest so many, and in any case that of matching: whoever asks for matching wants to see what it found.
-void KeepBest(int most, std::vector<PoseHypothesis>& hypotheses) {
-  while (hypotheses.size() > static_cast<std::size_t>(most)) {
-    const bool last_is_matching = hypotheses.size() > 1 && hypotheses.back().source == "matching";
-    hypotheses.erase(hypotheses.end() - (last_is_matching ? 2 : 1));
-  }
+/// The prior's modes and what the matches make of them, weighed together.
+std::vector<JointHypothesis> WeighTogether(const CroppedPair& views, const MatchedViews& matched, const PriorOpinion& opinion,
+                                           const GridPosterior& posterior) {
+  const CentredGeometry matches(matched.correspondences,
+                                {{views[0].camera, views[1].camera}, views[0].distance, views[1].distance});
+  std::vector<Eigen::Matrix3d> further_starts;
+  if (matched.geometry.status != TwoViewStatus::kTooFewMatches)
+    further_starts.push_back(matched.geometry.query_from_reference.rotation);
+  return WeighTogether(matches, posterior, opinion.modes, further_starts);
 }
 
-/// Puts the pose of matching beside the prior's hypotheses, which keep their worth only as far as matching is
-/// wrong; those near it become part of it.
-void AddMatching(const Rigid3& pose, double probability, double prior_confidence, TwoViewPose& result) {
-  const auto is_near = [&](const PoseHypothesis& hypothesis) {
-    return AngleBetweenDeg(hypothesis.query_from_reference.rotation, pose.rotation) < kSameModeDeg;
-  };
-  const bool agree = is_near(result.hypotheses.front());
-  PoseHypothesis matching{pose, probability, "matching"};
-  for (PoseHypothesis& hypothesis : result.hypotheses) {
-    hypothesis.probability *= 1 - probability;
-    if (is_near(hypothesis)) matching.probability += hypothesis.probability;
-  }
-  std::erase_if(result.hypotheses, is_near);
-  result.hypotheses.push_back(matching);
-  std::stable_sort(result.hypotheses.begin(), result.hypotheses.end(),
-                   [](const PoseHypothesis& a, const PoseHypothesis& b) { return a.probability > b.probability; });
-  const bool matching_is_best = result.hypotheses.front().source == "matching";
-  const double otherwise = (1 - probability) * prior_confidence;
-  result.confidence = matching_is_best ? probability + (agree ? otherwise : 0) : otherwise;
+int Inliers(const CroppedPair& views, const Correspondences& correspondences, const Rigid3& query_crop_from_reference_crop,
+            double threshold_px) {
+  const std::vector<double> distances =
+      SampsonDistances(correspondences, {views[0].camera, views[1].camera}, query_crop_from_reference_crop);
+  return static_cast<int>(std::ranges::count_if(distances, [&](double distance) { return distance < threshold_px; }));
+}
+
+/// The first is right with `confidence`; the others share most of the rest by the roots of their shares, none more than it.
+std::vector<double> Probabilities(const std::vector<JointHypothesis>& joint, double confidence) {
+  double sum = 0;
+  for (std::size_t i = 1; i < joint.size(); ++i) sum += std::sqrt(joint[i].share);
+  std::vector<double> probabilities{confidence};
+  for (std::size_t i = 1; i < joint.size(); ++i)
+    probabilities.push_back(std::min(confidence, (1 - confidence) * kTruthIsAmongOthers * std::sqrt(joint[i].share) / std::max(sum, kTiny)));
+  return probabilities;
+}
+
+/// Replaces the prior's hypotheses and confidence.
+void Take(const std::vector<JointHypothesis>& joint, const CroppedPair& views, double confidence, int most, TwoViewPose& result) {
+  const JointHypothesis& best = joint.front();
+  result.confidence = confidence;
+  result.evidence["support"] = best.support;
+  result.evidence["share"] = best.share;
+  result.evidence["prior_mass"] = best.prior_mass;
+  result.hypotheses.clear();
+  const std::vector<double> probabilities = Probabilities(joint, confidence);
+  for (std::size_t i = 0; i < joint.size() && i < static_cast<std::size_t>(most); ++i)
+    result.hypotheses.push_back({BetweenCameras(views[0], views[1], joint[i].query_crop_from_reference_crop), probabilities[i],
+                                 joint[i].is_refined ? "matching" : "prior"});
 }
 
 }  // namespace
@@ -207,7 +226,7 @@ TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograp
   if (matched.geometry.status == TwoViewStatus::kTooFewMatches)
     throw Error("matching", "found too few consistent matches (" + std::to_string(matched.correspondences.size()) + " in all)",
                 "use --method auto, which also knows what the object's other sides may look like");
-  const WeighedPose weighed = MostProbable(views, matched, nullptr);
+  const WeighedPose weighed = MostProbable(views, matched);
   File(weighed, result);
   WarnOfDegeneracy(weighed.geometry.status, result);
   result.query_from_reference = ComposeFromMatches(views, weighed.geometry);
@@ -232,14 +251,16 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   ViewMatchingOptions matching = options.matching;
   const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1], opinion.weighed);
   matching.quarter_turns = TurnsSuggestedBy(posterior);
-  for (const RotationMode& mode : opinion.modes) matching.starts.push_back(mode.rotation);
   const MatchedViews matched = Match(matcher, large, matching, result);
-  if (matched.geometry.status != TwoViewStatus::kTooFewMatches) {
-    const WeighedPose weighed = MostProbable(large, matched, &posterior);
-    File(weighed, result);
-    AddMatching(ComposeFromMatches(large, weighed.geometry), weighed.probability, prior_confidence, result);
-    KeepBest(options.hypotheses, result.hypotheses);
-    if (result.hypotheses.front().source == "matching") WarnOfDegeneracy(weighed.geometry.status, result);
+  result.evidence["prior_confidence"] = prior_confidence;
+  if (matched.correspondences.size() >= kLeastMatches) {
+    Stopwatch weighing;
+    const std::vector<JointHypothesis> joint = WeighTogether(large, matched, opinion, posterior);
+    const JointHypothesis& best = joint.front();
+    result.evidence["inliers"] =
+        Inliers(large, matched.correspondences, best.query_crop_from_reference_crop, matching.geometry.threshold_px);
+    Take(joint, large, JointConfidence({best.share, best.support, prior_confidence}), options.hypotheses, result);
+    result.timings_s["weigh"] = weighing.Lap();
   }
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   Keep(std::move(small), result);
@@ -251,13 +272,14 @@ double MatchingProbability(const MatchingEvidence& evidence) {
   const double share = evidence.inliers / std::max(1.0, static_cast<double>(evidence.matches));
   const double deviation = std::log(std::clamp(evidence.rotation_deviation_deg, 0.01, 180.0));
   const double disagreement = std::log1p(evidence.translation_disagreement_deg);
-  const auto weighted = [&](const MatchingWeights& w) {
-    return w.constant + w.inliers * inliers + w.share * share + w.deviation * deviation + w.disagreement * disagreement;
-  };
-  const double log_odds = evidence.prior_mass
-                              ? weighted(kWithPrior) + kPriorMassWeight * LogOdds(*evidence.prior_mass)
-                              : weighted(kWithoutPrior);
-  return 1 / (1 + std::exp(-log_odds));
+  const MatchingWeights& w = kMatching;
+  return Logistic(w.constant + w.inliers * inliers + w.share * share + w.deviation * deviation + w.disagreement * disagreement);
+}
+
+double JointConfidence(const JointEvidence& evidence) {
+  const double share = std::clamp(evidence.share, kLeastShare, 1 - kLeastShare);
+  const double by_itself = std::exp(-std::max(evidence.support, 0.0) / kTellingSupport);
+  return Logistic(kJoint.constant + kJoint.share * LogOdds(share) + kJoint.prior * by_itself * LogOdds(evidence.prior_confidence));
 }
 
 }  // namespace antipode

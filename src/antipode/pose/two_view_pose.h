@@ -1,7 +1,6 @@
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,7 +24,7 @@ struct ObjectPhotograph {
 
 struct PoseHypothesis {
   Rigid3 query_from_reference;  ///< translation in object radii
-  double probability = 0;       ///< that the rotation is within 15 degrees of the truth
+  double probability = 0;       ///< that the rotation is within 15 degrees of the truth; with `auto`, 30
   std::string source = "prior"; ///< "prior" or "matching"
 };
 
@@ -39,10 +38,10 @@ struct TwoViewPose {
   double confidence = 0;                   ///< calibrated: how often a rotation error is below 30 degrees
   std::vector<PoseHypothesis> hypotheses;  ///< best first; probabilities sum to at most 1
   ObjectView reference, query;             ///< the object-centric crops that were compared
-  std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match"
-  /// What speaks for the pose. With matching: "matches", "inliers", "rotation_deviation_deg",
-  /// "translation_disagreement_deg", "matching_probability"; with prior and matching: "prior_mass" around the pose
-  /// of matching. See MatchingEvidence.
+  std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match", "weigh"
+  /// What speaks for the pose. With matching: "matches", "inliers"; with matching alone: "rotation_deviation_deg",
+  /// "translation_disagreement_deg", see MatchingEvidence; with prior and matching: "share", "support", "prior_mass", see
+  /// JointHypothesis, and "prior_confidence", that of the prior alone.
   std::map<std::string, double> evidence;
   std::vector<std::string> warnings;
 };
@@ -65,13 +64,12 @@ TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& refer
 TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograph& reference,
                                    const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
 
-/// The route `auto`: the hypotheses of the prior, and the pose of matching with the probability that
-/// `MatchingProbability` gives it; the prior's are worth what is left. Matching tries the turns of the query
-/// that the prior's modes suggest.
+/// The route `auto`: the modes of the prior and what the matches make of them and of other rotations, weighed together
+/// (joint_posterior.h). Matching tries the turns of the query that the prior's modes suggest.
 TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher, const ObjectPhotograph& reference,
                                const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
 
-/// What matching found, as `MatchingProbability` weighs it.
+/// What matching alone found, as `MatchingProbability` weighs it.
 struct MatchingEvidence {
   int matches = 0;
   int inliers = 0;
@@ -79,12 +77,22 @@ struct MatchingEvidence {
   /// Angle between the translation of the matches and that of the crops with the rotation of the matches: both
   /// cameras look at the object, so a wrong essential matrix rarely agrees.
   double translation_disagreement_deg = 180;
-  /// Posterior mass of the prior within 15 degrees of the rotation; nothing without a prior.
-  std::optional<double> prior_mass;
 };
 
-/// How often the rotation of matching is within 15 degrees of the truth: a logistic function of the evidence,
-/// fitted by scripts/fit_matching_probability.py on validation objects.
+/// How often the rotation of matching alone is within 15 degrees of the truth: a logistic function of the evidence,
+/// fitted by scripts/fit_confidence.py on validation objects.
 double MatchingProbability(const MatchingEvidence& evidence);
+
+/// What prior and matches say together of the best hypothesis.
+struct JointEvidence {
+  double share = 0;             ///< see JointHypothesis
+  double support = 0;           ///< of the matches, see CentredGeometry
+  double prior_confidence = 0;  ///< of the prior alone in its best mode
+};
+
+/// How often the best hypothesis of prior and matches together is within 30 degrees of the truth: a logistic function of the
+/// log odds of the share and, where matches support little, of the prior's confidence, which also knows whether both
+/// pictures look like one object; fitted by scripts/fit_confidence.py on validation objects.
+double JointConfidence(const JointEvidence& evidence);
 
 }  // namespace antipode

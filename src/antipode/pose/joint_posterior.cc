@@ -1,0 +1,95 @@
+#include "antipode/pose/joint_posterior.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "antipode/geometry/rotation.h"
+#include "antipode/util/error.h"
+
+namespace antipode {
+namespace {
+
+constexpr double kSupportWeight = 0.1;
+// The search leaves the centre where the crops have it and so finds less support than there is.
+constexpr double kSearchWeight = 0.2;
+constexpr double kLeastMass = 1e-6;    // of a hypothesis, so that matches can speak for any
+constexpr double kLeastWeight = 1e-7;  // of a rotation of the grid
+constexpr std::size_t kMostSorted = 2000;
+
+/// Rotations of the grid, likeliest first, none near another.
+std::vector<Eigen::Matrix3d> StartsOnGrid(const CentredGeometry& matches, const GridPosterior& prior,
+                                          const JointPosteriorOptions& options) {
+  const Eigen::VectorXd worth = kSearchWeight * matches.SearchSupport(prior.rotations).cast<double>().array() +
+                                (prior.weights.array() + kLeastWeight).log();
+  std::vector<std::size_t> order(prior.rotations.size());
+  std::iota(order.begin(), order.end(), 0);
+  const std::size_t sorted = std::min(kMostSorted, order.size());
+  std::ranges::partial_sort(order, order.begin() + static_cast<std::ptrdiff_t>(sorted), [&](std::size_t a, std::size_t b) {
+    return worth[static_cast<Eigen::Index>(a)] > worth[static_cast<Eigen::Index>(b)];
+  });
+  std::vector<Eigen::Matrix3d> starts;
+  for (std::size_t i = 0; i < sorted && starts.size() < static_cast<std::size_t>(options.starts); ++i) {
+    const Eigen::Matrix3d& candidate = prior.rotations[order[i]];
+    const bool is_near = std::ranges::any_of(starts, [&](const Eigen::Matrix3d& start) {
+      return AngleBetweenDeg(start, candidate) < options.start_separation_deg;
+    });
+    if (!is_near) starts.push_back(candidate);
+  }
+  return starts;
+}
+
+double LogWorth(const JointHypothesis& hypothesis) {
+  return kSupportWeight * hypothesis.support + std::log(hypothesis.prior_mass + kLeastMass);
+}
+
+void KeepDistinct(double separation_deg, std::vector<JointHypothesis>& hypotheses) {
+  std::ranges::stable_sort(hypotheses, std::ranges::greater{}, LogWorth);
+  std::vector<JointHypothesis> kept;
+  for (const JointHypothesis& hypothesis : hypotheses) {
+    const bool is_near = std::ranges::any_of(kept, [&](const JointHypothesis& better) {
+      return AngleBetweenDeg(better.query_crop_from_reference_crop.rotation,
+                             hypothesis.query_crop_from_reference_crop.rotation) < separation_deg;
+    });
+    if (!is_near) kept.push_back(hypothesis);
+  }
+  hypotheses = std::move(kept);
+}
+
+void ShareOut(std::vector<JointHypothesis>& hypotheses) {
+  double sum = 0;
+  for (JointHypothesis& hypothesis : hypotheses)
+    sum += hypothesis.share = std::exp(LogWorth(hypothesis) - LogWorth(hypotheses.front()));
+  for (JointHypothesis& hypothesis : hypotheses) hypothesis.share /= sum;
+}
+
+}  // namespace
+
+void JointPosteriorOptions::Check() const {
+  if (starts < 1) throw InvalidOption("starts", "must be positive");
+  if (!(start_separation_deg > 0)) throw InvalidOption("start_separation_deg", "must be positive");
+  if (!(separation_deg > 0)) throw InvalidOption("separation_deg", "must be positive");
+}
+
+std::vector<JointHypothesis> WeighTogether(const CentredGeometry& matches, const GridPosterior& prior,
+                                           std::span<const RotationMode> modes,
+                                           std::span<const Eigen::Matrix3d> further_starts,
+                                           const JointPosteriorOptions& options) {
+  options.Check();
+  std::vector<Eigen::Matrix3d> starts = StartsOnGrid(matches, prior, options);
+  for (const RotationMode& mode : modes) starts.push_back(mode.rotation);
+  starts.insert(starts.end(), further_starts.begin(), further_starts.end());
+
+  std::vector<JointHypothesis> hypotheses;
+  const auto add = [&](const CentredGeometry::SupportedPose& pose, bool is_refined) {
+    const double mass = prior.MassAround(pose.query_from_reference.rotation);
+    hypotheses.push_back({pose.query_from_reference, mass, pose.support, 0, is_refined});
+  };
+  for (const RotationMode& mode : modes) add(matches.Centred(mode.rotation), false);
+  for (const Eigen::Matrix3d& start : starts) add(matches.Refine(start), true);
+  KeepDistinct(options.separation_deg, hypotheses);
+  ShareOut(hypotheses);
+  return hypotheses;
+}
+
+}  // namespace antipode
