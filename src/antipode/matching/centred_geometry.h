@@ -48,6 +48,8 @@ class CentredGeometry {
   CentredGeometry(const Correspondences& correspondences, const CentredCameras& cameras,
                   const CentredGeometryOptions& options = {});
 
+  std::size_t Matches() const { return rays_.size(); }
+
   /// With a = b = c = d = g = 0, sigma = search_scale_px and any depth, of every rotation.
   Eigen::VectorXf SearchSupport(std::span<const Eigen::Matrix3d> query_from_reference) const;
 

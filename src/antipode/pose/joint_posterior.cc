@@ -10,7 +10,7 @@
 namespace antipode {
 namespace {
 
-constexpr double kSupportWeight = 0.1;
+constexpr double kSupportWeight = 0.08;
 // The search leaves the centre where the crops have it and so finds less support than there is.
 constexpr double kSearchWeight = 0.2;
 constexpr double kLeastMass = 1e-6;    // of a hypothesis, so that matches can speak for any
@@ -39,28 +39,29 @@ std::vector<Eigen::Matrix3d> StartsOnGrid(const CentredGeometry& matches, const 
   return starts;
 }
 
-double LogWorth(const JointHypothesis& hypothesis) {
-  return kSupportWeight * hypothesis.support + std::log(hypothesis.prior_mass + kLeastMass);
+double LogWorth(const JointHypothesis& hypothesis, std::size_t matches) {
+  const double support = std::max(hypothesis.support, 0.0);
+  const double agreeing = matches > 0 ? support / static_cast<double>(matches) : 0;
+  return kSupportWeight * support * agreeing + std::log(hypothesis.prior_mass + kLeastMass);
 }
 
-void KeepDistinct(double separation_deg, std::vector<JointHypothesis>& hypotheses) {
-  std::ranges::stable_sort(hypotheses, std::ranges::greater{}, LogWorth);
+/// Sorted, without those near a better one, with their shares.
+std::vector<JointHypothesis> Rank(std::vector<JointHypothesis> hypotheses, std::size_t matches, double separation_deg) {
+  const auto log_worth = [&](const JointHypothesis& hypothesis) { return LogWorth(hypothesis, matches); };
+  std::ranges::stable_sort(hypotheses, std::ranges::greater{}, log_worth);
   std::vector<JointHypothesis> kept;
-  for (const JointHypothesis& hypothesis : hypotheses) {
+  double sum = 0;
+  for (JointHypothesis& hypothesis : hypotheses) {
     const bool is_near = std::ranges::any_of(kept, [&](const JointHypothesis& better) {
       return AngleBetweenDeg(better.query_crop_from_reference_crop.rotation,
                              hypothesis.query_crop_from_reference_crop.rotation) < separation_deg;
     });
-    if (!is_near) kept.push_back(hypothesis);
+    if (is_near) continue;
+    sum += hypothesis.share = std::exp(log_worth(hypothesis) - log_worth(hypotheses.front()));
+    kept.push_back(hypothesis);
   }
-  hypotheses = std::move(kept);
-}
-
-void ShareOut(std::vector<JointHypothesis>& hypotheses) {
-  double sum = 0;
-  for (JointHypothesis& hypothesis : hypotheses)
-    sum += hypothesis.share = std::exp(LogWorth(hypothesis) - LogWorth(hypotheses.front()));
-  for (JointHypothesis& hypothesis : hypotheses) hypothesis.share /= sum;
+  for (JointHypothesis& hypothesis : kept) hypothesis.share /= sum;
+  return kept;
 }
 
 }  // namespace
@@ -87,9 +88,7 @@ std::vector<JointHypothesis> WeighTogether(const CentredGeometry& matches, const
   };
   for (const RotationMode& mode : modes) add(matches.Centred(mode.rotation), false);
   for (const Eigen::Matrix3d& start : starts) add(matches.Refine(start), true);
-  KeepDistinct(options.separation_deg, hypotheses);
-  ShareOut(hypotheses);
-  return hypotheses;
+  return Rank(std::move(hypotheses), matches.Matches(), options.separation_deg);
 }
 
 }  // namespace antipode

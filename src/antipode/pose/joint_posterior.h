@@ -28,10 +28,11 @@ struct JointPosteriorOptions {
 };
 
 /// Prior and matches together. A pose is worth
-///   w = m exp(a S),  a = 0.1,
-/// with m the prior's mass around its rotation and S the support of the matches, which counts little for its number since
-/// matches err together. Rotations of the prior's grid where m exp(a S) is greatest for unrefined poses are starts, beside
-/// the prior's modes and `further_starts`; all are refined by the matches, and the modes also stay as they are.
+///   w = m exp(a S^2 / n),  a = 0.08,
+/// with m the prior's mass around its rotation and S the support of the n matches: it counts little for its number, since
+/// matches err together, and less where many disagree, since some pose always finds some support. Rotations of the prior's
+/// grid with much mass and support are starts, beside the prior's modes and `further_starts`; all are refined by the
+/// matches, and the modes also stay as they are.
 /// @return best first, never empty; the shares sum to 1
 std::vector<JointHypothesis> WeighTogether(const CentredGeometry& matches, const GridPosterior& prior,
                                            std::span<const RotationMode> modes,
