@@ -78,7 +78,7 @@ void RecordPose(const TwoViewPose& pose, const Rigid3& truth, EvaluatedPair& row
   row.confidence = std::isfinite(pose.confidence) ? pose.confidence : 0;
   row.evidence = pose.evidence;
   for (const PoseHypothesis& hypothesis : pose.hypotheses) {
-    if (hypothesis.source == "matching")
+    if (hypothesis.source == "matching" && !row.matching_error_deg)
       row.matching_error_deg = RotationErrorDeg(hypothesis.query_from_reference.rotation, truth.rotation);
     if (!(hypothesis.probability >= kLikelyProbability)) continue;
     ++row.likely_hypotheses;

@@ -51,7 +51,7 @@ struct EvaluatedPair {
   bool failed = false;      ///< the method threw: errors 180, confidence 0
   std::string failure;      ///< its message, one line
   std::map<std::string, double> evidence;  ///< see TwoViewPose
-  /// Rotation error of the hypothesis that comes from matching, if there is one.
+  /// Rotation error of the best hypothesis that comes from matching, if there is one.
   std::optional<double> matching_error_deg;
   int likely_hypotheses = 0;         ///< of probability 0.1 or more
   bool truth_among_likely = false;   ///< one of these is within 30 degrees of the true rotation

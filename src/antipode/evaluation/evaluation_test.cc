@@ -239,6 +239,24 @@ TEST(Evaluate, LikelyHypothesesAreCounted) {
   });
 }
 
+TEST(Evaluate, TheErrorOfMatchingIsThatOfItsBestHypothesis) {
+  const SyntheticDataset dataset = RandomDataset(4, 8);
+  const PoseMethod method = OnPhotographs("matching", [&](const auto& reference, const auto& query) {
+    const auto turned = [&](double degrees) {
+      Rigid3 pose = dataset.Truth(reference, query);
+      pose.rotation = pose.rotation * RotationAboutY(RadiansFromDegrees(degrees));
+      return pose;
+    };
+    TwoViewPose pose = PoseWith(turned(0));
+    pose.hypotheses = {{turned(0), 0.5, "prior"}, {turned(20), 0.3, "matching"}, {turned(90), 0.1, "matching"}};
+    return pose;
+  });
+  ForEachPair(Evaluate(dataset, method), [](const EvaluatedPair& pair) {
+    ASSERT_TRUE(pair.matching_error_deg);
+    EXPECT_NEAR(*pair.matching_error_deg, 20, 1e-6);
+  });
+}
+
 TEST(Evaluate, SwapDifferenceIsZeroForConsistentMethodsOnly) {
   const SyntheticDataset dataset = RandomDataset(5, 9);
   ForEachPair(Evaluate(dataset, Oracle(dataset), {.check_swap = true}),
