@@ -123,7 +123,7 @@ void FitConfidence(const std::vector<Outcome>& outcomes, PriorCalibration& calib
     Eigen::Matrix3d information = kPull * Eigen::Matrix3d::Identity();
     for (const Outcome& outcome : outcomes) {
       const Eigen::Vector3d features(LogOdds(outcome.best.probability), outcome.best.score / kTypicalScore, 1);
-      const double probability = 1 / (1 + std::exp(-parameters.dot(features)));
+      const double probability = Logistic(parameters.dot(features));
       gradient += outcome.weight * (outcome.correct - probability) * features;
       information += outcome.weight * probability * (1 - probability) * features * features.transpose();
     }

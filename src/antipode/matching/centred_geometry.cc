@@ -111,18 +111,28 @@ Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
   return matrix;
 }
 
+/// At most so many, evenly over the list, standing for all: those left out are taken to agree as often.
+struct Sample {
+  std::vector<RayPair> rays;
+  double rays_for_each = 1;
+
+  Sample(const std::vector<RayPair>& all, int most) {
+    const std::size_t count = std::min(all.size(), static_cast<std::size_t>(most));
+    for (std::size_t i = 0; i < count; ++i) rays.push_back(all[i * all.size() / count]);
+    if (count > 0) rays_for_each = static_cast<double>(all.size()) / static_cast<double>(count);
+  }
+};
+
 /// x and y of rays (x, y, 1), each an array.
 struct RayArrays {
   Eigen::ArrayXf x, y;
 
-  RayArrays(const std::vector<RayPair>& rays, Eigen::Vector3d RayPair::* which, std::size_t most) {
-    const std::size_t count = std::min(rays.size(), most);
-    x.resize(static_cast<Eigen::Index>(count));
-    y.resize(x.size());
-    for (std::size_t i = 0; i < count; ++i) {
-      const Eigen::Vector3d& ray = rays[i * rays.size() / count].*which;
-      x[static_cast<Eigen::Index>(i)] = static_cast<float>(ray.x());
-      y[static_cast<Eigen::Index>(i)] = static_cast<float>(ray.y());
+  RayArrays(const std::vector<RayPair>& rays, Eigen::Vector3d RayPair::* which)
+      : x(static_cast<Eigen::Index>(rays.size())), y(x.size()) {
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      const Eigen::Vector3d& ray = rays[static_cast<std::size_t>(i)].*which;
+      x[i] = static_cast<float>(ray.x());
+      y[i] = static_cast<float>(ray.y());
     }
   }
 };
@@ -142,9 +152,9 @@ float SoftInliers(const RayArrays& reference, const RayArrays& query, const Eige
 }
 
 double Penalty(const double* offsets, const std::array<double, kOffsets>& deviations) {
-  double sum = 0;
-  for (int i = 0; i < kOffsets; ++i) sum += std::pow(offsets[i] / deviations[i], 2);
-  return sum / 2;
+  Eigen::Matrix<double, kOffsets, 1> residuals;
+  OffsetResidual{deviations}(offsets, residuals.data());
+  return residuals.squaredNorm() / 2;
 }
 
 }  // namespace
@@ -170,15 +180,15 @@ CentredGeometry::CentredGeometry(const Correspondences& correspondences, const C
 Eigen::VectorXf CentredGeometry::SearchSupport(std::span<const Eigen::Matrix3d> rotations) const {
   Eigen::VectorXf support = Eigen::VectorXf::Zero(static_cast<Eigen::Index>(rotations.size()));
   if (rays_.empty()) return support;
-  const RayArrays reference(rays_, &RayPair::reference, options_.most_searched), query(rays_, &RayPair::query, options_.most_searched);
-  // Those left out are taken to agree as often.
-  const float share = static_cast<float>(rays_.size()) / static_cast<float>(reference.x.size());
+  const Sample sample(rays_, options_.most_searched);
+  const RayArrays reference(sample.rays, &RayPair::reference), query(sample.rays, &RayPair::query);
+  const auto matches_for_each = static_cast<float>(sample.rays_for_each);
   const auto sigma = static_cast<float>(options_.search_scale_px / cameras_.cameras.MeanFocalLength());
   constexpr double kCentred[kOffsets] = {};
   for (Eigen::Index i = 0; i < support.size(); ++i) {
     const Eigen::Matrix3d& rotation = rotations[i];
     const Eigen::Matrix3d essential = CrossMatrix(TranslationOf(cameras_, rotation, kCentred)) * rotation;
-    support[i] = share * SoftInliers(reference, query, essential.cast<float>(), sigma);
+    support[i] = matches_for_each * SoftInliers(reference, query, essential.cast<float>(), sigma);
   }
   return support;
 }
@@ -205,18 +215,17 @@ CentredGeometry::SupportedPose CentredGeometry::Refine(const Eigen::Matrix3d& st
   Eigen::Quaterniond rotation(start);
   double offsets[kOffsets] = {};
   double pixels_per_sigma = 0;
-  const std::size_t count = std::min<std::size_t>(rays_.size(), options_.most_refined);
-  // Those left out are taken to agree as often.
-  ceres::ScaledLoss loss(new GemanMcClureLoss, static_cast<double>(rays_.size()) / static_cast<double>(count), ceres::TAKE_OWNERSHIP);
+  const Sample sample(rays_, options_.most_refined);
+  ceres::ScaledLoss loss(new GemanMcClureLoss, sample.rays_for_each, ceres::TAKE_OWNERSHIP);
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
   problem.AddParameterBlock(rotation.coeffs().data(), 4, new ceres::EigenQuaternionManifold());
   problem.AddParameterBlock(offsets, kOffsets);
-  for (std::size_t i = 0; i < count; ++i)
+  for (const RayPair& pair : sample.rays)
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<AgreementResidual, 2, 4, kOffsets>(
-            new AgreementResidual{rays_[i * rays_.size() / count], cameras_, options_.half_depth, pixels_per_sigma}),
+            new AgreementResidual{pair, cameras_, options_.half_depth, pixels_per_sigma}),
         &loss, rotation.coeffs().data(), offsets);
   problem.AddResidualBlock(new ceres::AutoDiffCostFunction<OffsetResidual, kOffsets, kOffsets>(
                                new OffsetResidual{Deviations(cameras_, options_)}), nullptr, offsets);
@@ -227,8 +236,8 @@ CentredGeometry::SupportedPose CentredGeometry::Refine(const Eigen::Matrix3d& st
   options.max_num_iterations = kIterationsPerStage;
   options.logging_type = ceres::SILENT;
   for (int stage = 0; stage < kStages; ++stage) {
-    const double share = static_cast<double>(stage) / (kStages - 1);
-    pixels_per_sigma = cameras_.cameras.MeanFocalLength() / (options_.search_scale_px * std::pow(options_.scale_px / options_.search_scale_px, share));
+    pixels_per_sigma =
+        cameras_.cameras.MeanFocalLength() / ScaleOfStep(options_.search_scale_px, options_.scale_px, stage, kStages);
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
   }

@@ -33,6 +33,11 @@ T SignedSampsonDistance(const RayPair& rays, const Eigen::Matrix<T, 3, 3>& rotat
   return query.dot(line_in_query) / sqrt(squared + T(1e-20));
 }
 
+/// The scale of one of several steps from `first` to `last` in equal factors.
+inline double ScaleOfStep(double first, double last, int step, int steps) {
+  return first * std::pow(last / first, static_cast<double>(step) / (steps - 1));
+}
+
 struct RefinedPose {
   Rigid3 query_from_reference;                ///< |translation| = 1
   Eigen::Matrix<double, 5, 5> covariance;     ///< see TwoViewGeometry

@@ -53,9 +53,7 @@ class Estimator {
   TwoViewGeometry Refine(Rigid3 pose, double capture_px) {
     TwoViewGeometry result;
     for (int i = 0; i < kRefinements; ++i) {
-      // From the capture range to the threshold in equal factors.
-      const double share = static_cast<double>(i) / (kRefinements - 1);
-      const double range = capture_px * std::pow(options_.threshold_px / capture_px, share);
+      const double range = ScaleOfStep(capture_px, options_.threshold_px, i, kRefinements);
       const std::vector<RayPair> near = Select(rays_, Inliers(pose, range));
       if (near.size() < kMinimalSample + 1) return Failure();
       const RefinedPose refined = RefineBySampsonError(near, pose, focal_length_, range / 2);

@@ -65,7 +65,7 @@ Rigid3 CameraPose(const ObjectView& crop, const Rigid3& crop_from_object) {
 /// How often the best hypothesis is right: a logistic function of its share and its inliers, fitted on validation objects.
 double ConfidenceOf(double share, int inliers) {
   const double log_odds = kConfidence.constant + kConfidence.share * LogOdds(share) + kConfidence.inliers * std::log1p(inliers);
-  return 1 / (1 + std::exp(-log_odds));
+  return Logistic(log_odds);
 }
 
 /// The selector's views, or the prior's modes.

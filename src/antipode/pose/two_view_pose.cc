@@ -31,8 +31,6 @@ constexpr JointWeights kJoint{-0.358, 0.408, 0.444};
 constexpr double kTellingSupport = 10;  // with so much support of the matches the prior's own confidence counts 1/e
 constexpr double kLeastShare = 1e-3;    // shares of nearly 0 or 1 are not to be believed
 
-double Logistic(double log_odds) { return 1 / (1 + std::exp(-log_odds)); }
-
 void AddWarnings(const std::string& whose, const std::vector<std::string>& from,
                  std::vector<std::string>& to) {
   for (const std::string& warning : from) to.push_back(whose + ": " + warning);

@@ -220,7 +220,7 @@ GridPosterior ObjectPrior::OnGrid(const torch::Tensor& reference_code, const tor
 double ObjectPrior::Confidence(const RotationMode& best) const {
   const double log_odds = calibration_.confidence_slope * LogOdds(best.probability) +
                           calibration_.confidence_score_weight * best.score + calibration_.confidence_offset;
-  return 1 / (1 + std::exp(-log_odds));
+  return Logistic(log_odds);
 }
 
 }  // namespace antipode

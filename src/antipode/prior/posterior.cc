@@ -56,6 +56,8 @@ double LogOdds(double probability) {
   return std::log(inside / (1 - inside));
 }
 
+double Logistic(double log_odds) { return 1 / (1 + std::exp(-log_odds)); }
+
 double GridPosterior::MassAround(const Eigen::Matrix3d& rotation, double radius_deg) const {
   const double least_trace = TraceAtAngle(radius_deg);
   double mass = 0;

@@ -36,6 +36,9 @@ double LogProbability(const RotationMode& mode);
 /// log(p / (1 - p)), finite for every p in 0..1.
 double LogOdds(double probability);
 
+/// 1 / (1 + exp(-x)): the inverse.
+double Logistic(double log_odds);
+
 /// The posterior's mass at every rotation of a grid.
 struct GridPosterior {
   std::span<const Eigen::Matrix3d> rotations;  ///< query_from_reference

@@ -151,6 +151,10 @@ TEST(RotationPosterior, TheMassAroundAPeakIsItsProbability) {
   EXPECT_NEAR(on_grid.MassAround(RandomRotation(random), 179.9), 1, 2e-3);
 }
 
+TEST(Logistic, InvertsLogOdds) {
+  for (const double probability : {0.001, 0.2, 0.5, 0.97}) EXPECT_NEAR(Logistic(LogOdds(probability)), probability, 1e-12);
+}
+
 TEST(RotationPosterior, RefusesImpossibleOptions) {
   const Eigen::VectorXf correlation = Eigen::VectorXf::Zero(WignerSize(kDegree));
   EXPECT_THROW(Posterior().FindModes(correlation, {.max_modes = 0}), InvalidOption);
