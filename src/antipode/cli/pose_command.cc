@@ -102,18 +102,22 @@ class PoseCommand : public Command {
     const ReferenceModels models = ReferenceModels::Load(method_.model, common_.device);
     const Reference reference = LoadReference(reference_.path, models.identity);
     const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
-    ThrowIfInterrupted();
-    result.load_seconds = SecondsSinceProcessStart();
     ViewComparison comparison =
         ViewComparison::Load(method_.comparison.selector, method_.comparison.refiner, SelectDevice(common_.device));
-    comparison.Prepare(reference);
+    ProgressLine line(common_.ProgressMode());
+    const std::vector<std::string> warnings = comparison.Prepare(reference, reference_.path, [&](const Progress& progress) {
+      ThrowIfInterrupted();
+      line.Show(progress);
+    });
+    ThrowIfInterrupted();
+    result.load_seconds = SecondsSinceProcessStart();
     const ObjectPoseModels pose_models{models.prior.get(), matcher.get(), method_.comparison.IsWanted() ? &comparison : nullptr};
     result.pose = RelativeToSource(
         reference, EstimateObjectPose(reference, pose_models, result.query.photograph,
                                       {method_.options.hypotheses, method_.comparison.refine_iterations, method_.options.matching}));
     if (!reference.source_from_object)
       result.pose.warnings.emplace_back("the reference comes from a mesh: the pose is that of the mesh's frame in the query camera");
-    result.pose.warnings.insert(result.pose.warnings.end(), reference.warnings.begin(), reference.warnings.end());
+    for (const auto& more : {reference.warnings, warnings}) result.pose.warnings.insert(result.pose.warnings.end(), more.begin(), more.end());
     result.total_seconds = SecondsSinceProcessStart();
     return result;
   }

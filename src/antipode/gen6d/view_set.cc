@@ -109,31 +109,46 @@ std::vector<cv::Mat> TurnedPictures(const PosedPicture& view, const NormalizedVi
   return pictures;
 }
 
-SelectorReferences PrepareReferences(Selector& selector, const std::vector<PosedPicture>& views,
-                                     const ViewMatchingConventions& conventions) {
-  const torch::InferenceMode inference;
+namespace {
+
+SelectorFeatures FeaturesOfViews(Selector& selector, const std::vector<PosedPicture>& views, const std::vector<NormalizedView>& upright,
+                                 const ViewMatchingConventions& conventions, const ProgressCallback& progress) {
   constexpr std::size_t kViewsAtOnce = 8;
-  SelectorReferences references;
-  std::vector<Eigen::Vector3d> centres;
   std::vector<SelectorFeatures> batches;
   std::vector<cv::Mat> turned;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const PosedPicture& view = views[i];
+    std::ranges::move(TurnedPictures(views[i], upright[i], conventions), std::back_inserter(turned));
+    if ((i + 1) % kViewsAtOnce != 0 && i + 1 < views.size()) continue;
+    batches.push_back(selector->Features(ToImages(turned)));
+    turned.clear();
+    if (progress) progress({"preparing views", static_cast<std::int64_t>(i + 1), static_cast<std::int64_t>(views.size()), {}});
+  }
+  SelectorFeatures features;
+  for (std::size_t level = 0; level < batches.front().size(); ++level) {
+    std::vector<torch::Tensor> parts;
+    for (const SelectorFeatures& batch : batches) parts.push_back(batch[level]);
+    features.push_back(at::cat(parts));
+  }
+  return features;
+}
+
+}  // namespace
+
+SelectorReferences PrepareReferences(Selector& selector, const std::vector<PosedPicture>& views,
+                                     const ViewMatchingConventions& conventions, SelectorFeatures features,
+                                     const ProgressCallback& progress) {
+  const torch::InferenceMode inference;
+  if (views.empty()) throw Error("reference", "has no views");
+  SelectorReferences references;
+  std::vector<Eigen::Vector3d> centres;
+  for (const PosedPicture& view : views) {
     references.views.push_back(NormalizeUpright(view.intrinsics, view.camera_from_object, conventions.normalization));
     references.upright.push_back(WarpPicture(view.rgb, references.views.back().normalized_pixel_from_pixel,
                                              conventions.normalization.size, kWhite));
     centres.push_back(references.views.back().camera_from_object.OriginInSource());
-    std::ranges::move(TurnedPictures(view, references.views.back(), conventions), std::back_inserter(turned));
-    if ((i + 1) % kViewsAtOnce != 0 && i + 1 < views.size()) continue;
-    batches.push_back(selector->Features(ToImages(turned)));
-    turned.clear();
   }
-  if (batches.empty()) throw Error("reference", "has no views");
-  for (std::size_t level = 0; level < batches.front().size(); ++level) {
-    std::vector<torch::Tensor> parts;
-    for (const SelectorFeatures& batch : batches) parts.push_back(batch[level]);
-    references.features.push_back(at::cat(parts));
-  }
+  references.features =
+      features.empty() ? FeaturesOfViews(selector, views, references.views, conventions, progress) : std::move(features);
   references.viewpoints = ViewpointVectors(centres, Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ());
   return references;
 }

@@ -11,6 +11,7 @@
 #include "antipode/gen6d/refiner.h"
 #include "antipode/gen6d/selector.h"
 #include "antipode/geometry/camera.h"
+#include "antipode/util/progress.h"
 
 namespace antipode {
 
@@ -68,8 +69,10 @@ struct SelectorReferences {
 std::vector<cv::Mat> TurnedPictures(const PosedPicture& view, const NormalizedView& upright,
                                     const ViewMatchingConventions& conventions);
 
+/// @param features of these views, if they have been computed before
 SelectorReferences PrepareReferences(Selector& selector, const std::vector<PosedPicture>& views,
-                                     const ViewMatchingConventions& conventions = {});
+                                     const ViewMatchingConventions& conventions = {}, SelectorFeatures features = {},
+                                     const ProgressCallback& progress = {});
 
 /// The coarse pose that a reference view gives.
 struct SelectedPose {

@@ -6,6 +6,8 @@
 #include "antipode/gen6d/shared_backbone.h"
 #include "antipode/geometry/viewpoints.h"
 #include "antipode/image/mask.h"
+#include "antipode/pose/selector_features.h"
+#include "antipode/util/error.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -32,14 +34,32 @@ std::optional<Network> LoadNetwork(const std::string& name, torch::Device device
 }  // namespace
 
 ViewComparison ViewComparison::Load(const std::string& selector, const std::string& refiner, torch::Device device) {
-  return {LoadNetwork<Selector, SelectorConfig>(selector, device), LoadNetwork<Refiner, RefinerConfig>(refiner, device)};
+  ViewComparison comparison(LoadNetwork<Selector, SelectorConfig>(selector, device), LoadNetwork<Refiner, RefinerConfig>(refiner, device));
+  if (!selector.empty()) comparison.selector_sha256_ = FindModel(selector).sha256;
+  return comparison;
 }
 
-void ViewComparison::Prepare(const Reference& reference) {
+std::vector<std::string> ViewComparison::Prepare(const Reference& reference, const std::filesystem::path& folder,
+                                                 const ProgressCallback& progress) {
   pictures_.clear();
   for (const SynthesizedView& view : reference.views)
     pictures_.push_back(ToPosedPicture(view.image, view.camera, view.camera_from_object));
-  if (selector_) references_ = PrepareReferences(*selector_, pictures_);
+  if (!selector_) return {};
+  const bool has_store = !folder.empty() && !selector_sha256_.empty();
+  if (has_store) {
+    if (auto kept = ReadSelectorFeatures(folder, selector_sha256_)) {
+      references_ = PrepareReferences(*selector_, pictures_, {}, std::move(*kept));
+      return {};
+    }
+  }
+  references_ = PrepareReferences(*selector_, pictures_, {}, {}, progress);
+  if (!has_store) return {};
+  try {
+    KeepSelectorFeatures(folder, selector_sha256_, references_.features);
+  } catch (const Error& error) {
+    return {std::string("the selector's features are computed for every query: ") + error.what()};
+  }
+  return {};
 }
 
 std::vector<ViewComparison::Selection> ViewComparison::Select(const ObjectView& crop, std::size_t count) {

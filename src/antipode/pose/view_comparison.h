@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,7 +22,10 @@ class ViewComparison {
   bool Refines() const { return refiner_.has_value(); }
 
   /// Computes the features of a reference's views; once for many queries.
-  void Prepare(const Reference& reference);
+  /// @param folder of the reference, if it has one: there a loaded selector's features are read, or kept for the next time
+  /// @return warnings
+  std::vector<std::string> Prepare(const Reference& reference, const std::filesystem::path& folder = {},
+                                   const ProgressCallback& progress = {});
 
   /// The likeliest views with the poses they give, in the frame of the crop's camera.
   /// @param crop of the query, at any resolution
@@ -37,6 +41,7 @@ class ViewComparison {
  private:
   std::optional<Selector> selector_;
   std::optional<Refiner> refiner_;
+  std::string selector_sha256_;  ///< of a loaded one
   std::vector<PosedPicture> pictures_;
   SelectorReferences references_;
 };

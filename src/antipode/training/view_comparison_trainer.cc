@@ -260,7 +260,7 @@ SelectorConfig BuiltInSelector() {
 }
 
 RefinerConfig BuiltInRefiner() {
-  return {.backbone = BackboneKind::kEfficientNetLite0, .finest_stride = 8, .feature_width = 24, .volume_width = 16, .grid = 16,
+  return {.backbone = BackboneKind::kEfficientNetLite0, .finest_stride = 8, .feature_width = 16, .volume_width = 12, .grid = 16,
           .regressor_width = 128};
 }
 
