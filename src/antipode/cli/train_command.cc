@@ -213,7 +213,8 @@ class TrainViewsCommand : public Command {
     app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
     app.add_option("--image-size", image_size_, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
-    app.add_option("--width", width_, "Channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
+    app.add_option("--width", width_, "Half the channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
+    app.add_option("--prior", options_.prior, "Whose codes of the picture guide the views; '' for none")->capture_default_str()->type_name("NAME|FOLDER");
     app.add_option("--predict", predict_, "velocity or noise")->capture_default_str()->type_name("NAME");
     app.add_option("--pose", pose_, "rotation: the relative rotation; zero123: its four numbers")->capture_default_str()->type_name("NAME");
     common_.Declare(app);
@@ -250,7 +251,7 @@ class TrainViewsCommand : public Command {
   }
 
   ViewsTrainingOptions options_;
-  std::int64_t width_ = 96;
+  std::int64_t width_ = 32;
   int image_size_ = 64;
   std::string predict_ = "velocity", pose_ = "rotation";
   CommonOptions common_;

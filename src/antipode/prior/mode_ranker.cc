@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "antipode/geometry/spherical_harmonics.h"
+#include "antipode/prior/code_maps.h"
 #include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
 #include "antipode/weights/metadata_fields.h"
@@ -31,12 +32,6 @@ Tensor SpherePoints(int count) {
     values[i][2] = static_cast<float>(z);
   }
   return points;
-}
-
-/// Scaled so that the mean square of the functions over the sphere and the channels is 1.
-Tensor Scaled(const Tensor& codes) {
-  const double functions = 4 * std::numbers::pi * static_cast<double>(codes.size(1));
-  return codes * (std::sqrt(functions) / codes.flatten(1).norm(2, 1).clamp_min(1e-6)).view({-1, 1, 1});
 }
 
 }  // namespace
@@ -90,8 +85,8 @@ Tensor ModeRankerImpl::forward(const Tensor& reference, const Tensor& query, con
   // R^T x without a matrix product, which training would round to bfloat16. [B, K, P, 3]
   const Tensor turned = (points_.unsqueeze(2) * query_from_reference.unsqueeze(2)).sum(3);
   const Tensor there = HarmonicsAt(turned, config_.max_degree).flatten(1, 2);  // [B, K P, H]
-  const Tensor of_query = torch::matmul(harmonics_, Scaled(query).transpose(1, 2)).unsqueeze(1);  // [B, 1, P, C]
-  const Tensor of_reference = torch::matmul(there, Scaled(reference).transpose(1, 2)).view({batch, modes, points, -1});
+  const Tensor of_query = torch::matmul(harmonics_, ScaledCodes(query).transpose(1, 2)).unsqueeze(1);  // [B, 1, P, C]
+  const Tensor of_reference = torch::matmul(there, ScaledCodes(reference).transpose(1, 2)).view({batch, modes, points, -1});
   const Tensor q = embed(of_query), r = embed(of_reference);
   const Tensor where = torch::cat({points_.expand({batch, modes, -1, -1}), turned}, -1);
   const Tensor compared = torch::relu(compare(torch::cat({(q - r).abs(), q * r}, -1)) + place(where));

@@ -15,8 +15,7 @@ namespace {
 
 constexpr double kMargin = 0.05;  // of the crops it was trained on
 
-ViewDiffusion LoadViewDiffusion(const std::string& model) {
-  const TensorFile file = LoadModel(model);
+ViewDiffusion ViewDiffusionFrom(const TensorFile& file, const std::string& model) {
   ViewDiffusion network(ViewDiffusionConfig::FromMetadata(file.metadata, model));
   LoadInto(*network, file, model);
   return network;
@@ -48,11 +47,16 @@ bool IsViewDiffusion(const std::string& model) {
 
 SmallSynthesizer::SmallSynthesizer(const std::string& model, const cv::Mat& object_on_white, const Zero123SynthesisOptions& options,
                                    torch::Device device)
-    : model_(LoadViewDiffusion(model)), options_(options) {
+    : SmallSynthesizer(LoadModel(model), model, object_on_white, options, device) {}
+
+SmallSynthesizer::SmallSynthesizer(const TensorFile& file, const std::string& model, const cv::Mat& object_on_white,
+                                   const Zero123SynthesisOptions& options, torch::Device device)
+    : model_(ViewDiffusionFrom(file, model)), guide_(ViewGuide::Of(file.metadata, model, device)), options_(options) {
   options.Check();
   model_->to(device);
   const cv::Mat picture = ObjectCentric(object_on_white, model_->config().image_size);
   picture_ = PictureTensor(picture).to(device);
+  if (guide_) code_ = guide_->Encode((PictureTensor(ObjectCentric(object_on_white, guide_->PictureSize())) + 1) / 2);
   fingerprint_ = FingerprintOfSynthesis(picture, FindModel(model).sha256, options);
 }
 
@@ -70,7 +74,9 @@ void SmallSynthesizer::Synthesize(std::span<const ViewRequest> requests, const s
       conditions.push_back(ConditionOf(request));
       names.push_back(request.name);
     }
-    const auto pictures = PicturesOf(model_->SampleViews(picture_, conditions, names, options_.sampling));
+    const torch::Tensor guides =
+        guide_ ? guide_->Maps(code_, conditions, model_->config().GuideSize()).to(picture_.device()) : torch::Tensor();
+    const auto pictures = PicturesOf(model_->SampleViews(picture_, conditions, names, options_.sampling, guides));
     for (std::size_t i = 0; i < some.size(); ++i) use(PosedView(some[i], pictures[i], Camera()));
   }
 }

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include <opencv2/core.hpp>
 
+#include "antipode/synthesis/view_guide.h"
 #include "antipode/synthesis/zero123_synthesizer.h"
+#include "antipode/weights/safetensors.h"
 #include "antipode/zero123/view_diffusion.h"
 
 namespace antipode {
@@ -26,9 +29,14 @@ class SmallSynthesizer : public ViewSynthesizer {
                   const ProgressCallback& progress = {}) const override;
 
  private:
+  SmallSynthesizer(const TensorFile& file, const std::string& model, const cv::Mat& object_on_white, const Zero123SynthesisOptions& options,
+                   torch::Device device);
+
   mutable ViewDiffusion model_;
+  std::optional<ViewGuide> guide_;
   Zero123SynthesisOptions options_;
   torch::Tensor picture_;  // [1, 3, S, S], -1..1
+  torch::Tensor code_;     // of the guide
   std::string fingerprint_;
 };
 

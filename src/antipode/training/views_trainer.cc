@@ -2,12 +2,14 @@
 
 #include <cmath>
 #include <fstream>
+#include <optional>
 #include <vector>
 
 #include "antipode/geometry/look_at.h"
 #include "antipode/nn/device.h"
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/precision.h"
+#include "antipode/synthesis/view_guide.h"
 #include "antipode/training/batch_loader.h"
 #include "antipode/training/learning_rate.h"
 #include "antipode/training/loss_average.h"
@@ -29,14 +31,26 @@ constexpr char kCheckpoint[] = "checkpoint.safetensors";
 
 struct Batch {
   Tensor pictures, views;  // [P, 3, S, S], -1..1
+  Tensor guides;           // nothing without a prior
   std::vector<ViewCondition> conditions;
 };
+
+std::optional<ViewGuide> GuideOf(const ViewsTrainingOptions& options) {
+  if (options.prior.empty()) return std::nullopt;
+  return ViewGuide(options.prior, SelectDevice(options.device));
+}
+
+ViewDiffusionConfig WithGuide(ViewDiffusionConfig config, const std::optional<ViewGuide>& guide) {
+  config.guide_channels = guide ? guide->Channels() : 0;
+  return config;
+}
 
 class Trainer {
  public:
   Trainer(const ViewsTrainingOptions& options, const ViewDiffusionConfig& config, const ViewCache& cache, const ProgressCallback& progress)
-      : options_(options), progress_(progress), device_(SelectDevice(options.device)), model_(config),
-        loader_(cache, options.objects_per_step, options.views_per_object, config.image_size, options.augmentation, options.seed) {
+      : options_(options), progress_(progress), device_(SelectDevice(options.device)), guide_(GuideOf(options)), model_(WithGuide(config, guide_)),
+        loader_(cache, options.objects_per_step, options.views_per_object, guide_ ? guide_->PictureSize() : config.image_size,
+                options.augmentation, options.seed) {
     InitializeForTraining(*model_, options.seed);
     SilenceOutput();
     model_->to(device_);
@@ -80,23 +94,35 @@ class Trainer {
       if (item.key().starts_with("unet.out.2.")) item.value().zero_();
   }
 
-  /// Every view of an object is asked for, given the next one.
+  /// The first view of every object is the picture, the others are asked for.
   Batch NextBatch() {
     const ViewBatch drawn = loader_.Get(step_);
     const Tensor rgba = drawn.rgba.to(torch::kFloat) / 255, alpha = rgba.slice(1, 3, 4);
     const Tensor white = (rgba.slice(1, 0, 3) * alpha + (1 - alpha)) * 2 - 1;
     const auto count = static_cast<std::int64_t>(drawn.camera_from_object.size());
     const std::int64_t views = count / drawn.groups;
-    std::vector<std::int64_t> sources;
     Batch batch;
     for (std::int64_t i = 0; i < count; ++i) {
-      const std::int64_t source = i / views * views + (i + 1) % views;
-      sources.push_back(source);
-      batch.conditions.push_back(ConditionOf(drawn.camera_from_object[source], drawn.camera_from_object[i]));
+      if (i % views == 0) continue;
+      batch.conditions.push_back(ConditionOf(drawn.camera_from_object[i / views * views], drawn.camera_from_object[i]));
     }
-    batch.views = white.to(device_);
-    batch.pictures = white.index_select(0, torch::tensor(sources, torch::kLong)).to(device_);
+    const auto by_object = [&](const Tensor& all) { return all.view({drawn.groups, views, 3, all.size(2), all.size(3)}); };
+    const auto for_each_view = [&](const Tensor& of_objects) { return of_objects.repeat_interleave(views - 1, 0); };
+    const Tensor small = by_object(Reduced(white));
+    batch.views = small.slice(1, 1).flatten(0, 1).to(device_);
+    batch.pictures = for_each_view(small.select(1, 0)).to(device_);
+    if (guide_) {
+      const torch::NoGradGuard no_gradient;
+      const Tensor codes = for_each_view(guide_->Encode((by_object(white).select(1, 0) + 1) / 2));
+      batch.guides = guide_->Maps(codes, batch.conditions, model_->config().GuideSize()).to(device_);
+    }
     return batch;
+  }
+
+  /// To the size of the views: means of pixels.
+  Tensor Reduced(const Tensor& pictures) const {
+    const std::int64_t size = model_->config().image_size;
+    return pictures.size(2) == size ? pictures : at::adaptive_avg_pool2d(pictures, {size, size});
   }
 
   static ViewCondition ConditionOf(const Eigen::Matrix3d& picture, const Eigen::Matrix3d& view) {
@@ -122,7 +148,7 @@ class Trainer {
     {
       const BFloat16Autocast autocast(device_.type(), device_.is_cuda() || ProcessorHasBFloat16());
       predicted = model_->forward(noisy, batch.pictures, timesteps.to(torch::kFloat).to(device_),
-                                  model_->PoseNumbers(batch.conditions).to(device_), is_conditional);
+                                  model_->PoseNumbers(batch.conditions).to(device_), is_conditional, batch.guides);
     }
     const Tensor loss = (predicted.to(torch::kFloat) - TargetOf(model_->config().target, batch.views, noise, alpha_bar)).square().mean();
     losses_.Add(loss.item<double>());
@@ -156,6 +182,7 @@ class Trainer {
     TensorFile file;
     for (const auto& [name, tensor] : average_) file.tensors[name] = ConvertTo(FromTorch(tensor), Dtype::kF16);
     file.metadata = model_->config().ToMetadata();
+    if (guide_) file.metadata.merge(guide_->ToMetadata());
     SaveModel(options_.out, "views", file, "Small diffusion model that imagines an object from other viewpoints", "Apache-2.0",
               "# views\n\nTrained by `antipode train views`: " + std::to_string(step_) + " steps, seed " + std::to_string(options_.seed) + ".\n");
     return options_.out / "views";
@@ -164,6 +191,7 @@ class Trainer {
   const ViewsTrainingOptions& options_;
   const ProgressCallback& progress_;
   torch::Device device_;
+  std::optional<ViewGuide> guide_;
   ViewDiffusion model_;
   BatchLoader loader_;
   std::unique_ptr<torch::optim::AdamW> optimizer_;

@@ -17,10 +17,11 @@ struct ViewsTrainingOptions {
   double minutes = 60;            ///< time budget, counted over all resumed runs
   int iterations = 0;             ///< if positive, the budget instead of `minutes`
   int objects_per_step = 4;
-  int views_per_object = 4;       ///< each is asked for, given the next one
+  int views_per_object = 5;       ///< the others are asked for, given the first one
   double learning_rate = 2e-4;    ///< highest; falls along a cosine
   double gradient_clip = 1.0;
   double unconditional_share = 0.1;  ///< of the views that are learned without picture and pose
+  std::string prior = "prior";       ///< whose codes guide the views; empty: none
   double average_decay = 0.999;      ///< of the exponential moving average that is saved as the model
   bool resume = false;
   std::string device = "auto";
@@ -38,7 +39,9 @@ struct ViewsTrainingResult {
   std::filesystem::path model;
 };
 
-/// Trains the small diffusion model: mean squared error of the target at uniformly drawn timesteps.
+/// Trains the small diffusion model: mean squared error of the target at uniformly drawn timesteps. Its guide is what the
+/// views' cameras would see of the picture's code (CodeMaps).
+/// @param config `guide_channels` follow from the prior
 ViewsTrainingResult TrainViews(const ViewsTrainingOptions& options, const ViewDiffusionConfig& config, const ProgressCallback& progress = {});
 
 /// Peak signal-to-noise ratio, dB, of pictures in 0..1.

@@ -32,6 +32,7 @@ ViewsTrainingOptions TinyTraining(const std::filesystem::path& folder) {
   ViewsTrainingOptions options;
   options.objects = folder / "objects";
   options.out = folder / "out";
+  options.prior.clear();
   options.objects_per_step = 1;
   options.views_per_object = 6;
   options.learning_rate = 4e-3;
@@ -57,7 +58,7 @@ TEST(TrainViews, OverfitsOneObject) {
   torch::set_num_threads(1);  // faster than two for so small a network
   const TemporaryFolder temporary;
   ViewsTrainingOptions options = TinyTraining(temporary.path());
-  options.iterations = 450;
+  options.iterations = 800;
   const ViewsTrainingResult result = TrainViews(options, TinyConfig());
   EXPECT_LT(result.last_loss, 0.3 * result.first_loss) << result.first_loss << " to " << result.last_loss;
 
@@ -108,18 +109,24 @@ TEST(ViewDiffusion, ANetworkThatKnowsTheVelocityGivesBackThePicture) {
   }
 }
 
-TEST(ViewDiffusion, HidesPictureAndPoseForGuidance) {
+TEST(ViewDiffusion, HidesPicturePoseAndGuideForGuidance) {
   const torch::InferenceMode inference;
-  ViewDiffusion model(TinyConfig());
+  ViewDiffusionConfig config = TinyConfig();
+  config.cell = 2;
+  config.guide_channels = 3;
+  ViewDiffusion model(config);
   FillSynthetic(*model);
   const auto noisy = torch::rand({1, 3, 16, 16}), time = torch::tensor({300.f});
-  const auto say = [&](double shade, double turn, float conditional) {
-    const auto pose = torch::full({1, 9}, turn);
-    return model->forward(noisy, torch::full({1, 3, 16, 16}, shade), time, pose, torch::tensor({conditional}));
+  const auto say = [&](double shade, double turn, double guide, float conditional) {
+    const auto pose = torch::full({1, 9}, turn), guides = torch::full({1, 3, 4, 4}, guide);
+    return model->forward(noisy, torch::full({1, 3, 16, 16}, shade), time, pose, torch::tensor({conditional}), guides);
   };
-  EXPECT_TRUE(torch::allclose(say(0.2, 0.1, 0), say(-0.7, 0.9, 0)));
-  EXPECT_FALSE(torch::allclose(say(0.2, 0.1, 1), say(-0.7, 0.1, 1)));
-  EXPECT_FALSE(torch::allclose(say(0.2, 0.1, 1), say(0.2, 0.9, 1)));
+  EXPECT_EQ(say(0.2, 0.1, 0, 1).sizes(), noisy.sizes());
+  EXPECT_TRUE(torch::allclose(say(0.2, 0.1, 0, 0), say(-0.7, 0.9, 0.5, 0)));
+  EXPECT_FALSE(torch::allclose(say(0.2, 0.1, 0, 1), say(-0.7, 0.1, 0, 1)));
+  EXPECT_FALSE(torch::allclose(say(0.2, 0.1, 0, 1), say(0.2, 0.9, 0, 1)));
+  EXPECT_FALSE(torch::allclose(say(0.2, 0.1, 0, 1), say(0.2, 0.1, 0.5, 1)));
+  EXPECT_THROW(model->forward(noisy, noisy, time, torch::zeros({1, 9}), torch::ones({1})), Error) << "without a guide";
 }
 
 TEST(ViewDiffusion, ConfigurationsSurviveTheMetadata) {

@@ -16,12 +16,13 @@ using torch::Tensor;
 
 constexpr char kArchitecture[] = "view-diffusion-1";
 constexpr std::int64_t kColors = 3;
+constexpr std::int64_t kGuideWidth = 32;  // of what the network keeps of a guide
 
 std::int64_t PoseWidth(PoseCondition pose) { return pose == PoseCondition::kRelativeRotation ? 9 : 4; }
 
-UnetConfig WithChannels(UnetConfig unet) {
-  unet.input_channels = 2 * kColors;
-  unet.output_channels = kColors;
+UnetConfig WithChannels(UnetConfig unet, int cell, int guide_channels) {
+  unet.input_channels = 2 * kColors * cell * cell + (guide_channels > 0 ? kGuideWidth : 0);
+  unet.output_channels = kColors * cell * cell;
   return unet;
 }
 
@@ -30,23 +31,29 @@ UnetConfig WithChannels(UnetConfig unet) {
 ViewDiffusionConfig ViewDiffusionConfig::Small(std::int64_t base_width) {
   ViewDiffusionConfig config;
   config.unet.base_width = base_width;
-  config.unet.multipliers = {1, 2, 3};
-  config.unet.attention_factors = {4};
-  config.unet.heads = base_width / 16;
+  config.cell = 2;
+  config.unet.multipliers = {2, 3, 3};
+  config.unet.residual_blocks = 1;
+  config.unet.attention_factors = {2};
+  config.unet.heads = base_width / 8;
   config.unet.context_width = 192;
-  config.unet = WithChannels(config.unet);
+  config.unet = WithChannels(config.unet, config.cell, config.guide_channels);
   return config;
 }
 
 void ViewDiffusionConfig::Check() const {
   if (image_size < 16 || image_size > 512) throw InvalidOption("image_size", "is " + std::to_string(image_size), "use 16 to 512");
+  if (cell < 1 || image_size % cell != 0) throw InvalidOption("cell", "must divide the image size");
   if (patch < 1 || image_size % patch != 0) throw InvalidOption("patch", "must divide the image size");
+  if (guide_channels < 0 || guide_channels > 4096) throw InvalidOption("guide_channels", "must be 0 to 4096");
   unet.Check();
 }
 
 std::map<std::string, std::string> ViewDiffusionConfig::ToMetadata() const {
   const nlohmann::json json = {{"image_size", image_size},
+                               {"cell", cell},
                                {"patch", patch},
+                               {"guide_channels", guide_channels},
                                {"target", target == DiffusionTarget::kNoise ? "noise" : "velocity"},
                                {"pose", pose == PoseCondition::kZero123 ? "zero123" : "relative rotation"},
                                {"base_width", unet.base_width},
@@ -70,7 +77,9 @@ ViewDiffusionConfig ViewDiffusionConfig::FromMetadata(const std::map<std::string
     const auto json = nlohmann::json::parse(metadata.at("config"));
     ViewDiffusionConfig config;
     config.image_size = json.at("image_size");
+    config.cell = json.value("cell", 1);
     config.patch = json.at("patch");
+    config.guide_channels = json.value("guide_channels", 0);
     config.target = json.at("target") == "noise" ? DiffusionTarget::kNoise : DiffusionTarget::kVelocity;
     config.pose = json.at("pose") == "zero123" ? PoseCondition::kZero123 : PoseCondition::kRelativeRotation;
     config.unet.base_width = json.at("base_width");
@@ -79,7 +88,7 @@ ViewDiffusionConfig ViewDiffusionConfig::FromMetadata(const std::map<std::string
     config.unet.attention_factors = json.at("attention_factors").get<std::vector<std::int64_t>>();
     config.unet.heads = json.at("heads");
     config.unet.context_width = json.at("context_width");
-    config.unet = WithChannels(config.unet);
+    config.unet = WithChannels(config.unet, config.cell, config.guide_channels);
     config.Check();
     return config;
   } catch (const nlohmann::json::exception&) {
@@ -90,12 +99,14 @@ ViewDiffusionConfig ViewDiffusionConfig::FromMetadata(const std::map<std::string
 }
 
 ViewDiffusionImpl::ViewDiffusionImpl(const ViewDiffusionConfig& config) : config_(config) {
-  config_.unet = WithChannels(config_.unet);
+  config_.unet = WithChannels(config_.unet, config.cell, config.guide_channels);
   config_.Check();
   const std::int64_t width = config_.unet.context_width;
   unet_ = register_module("unet", Unet(config_.unet));
   pose_ = register_module("pose", Dense(PoseWidth(config_.pose), width));
   patches_ = register_module("patches", torch::nn::Conv2d(torch::nn::Conv2dOptions(kColors, width, config_.patch).stride(config_.patch)));
+  if (config_.guide_channels > 0)
+    guide_ = register_module("guide", torch::nn::Conv2d(torch::nn::Conv2dOptions(config_.guide_channels, kGuideWidth, 1)));
 }
 
 Tensor ViewDiffusionImpl::PoseNumbers(std::span<const ViewCondition> views) const {
@@ -112,21 +123,27 @@ Tensor ViewDiffusionImpl::PoseNumbers(std::span<const ViewCondition> views) cons
 }
 
 ViewDiffusionImpl::Input ViewDiffusionImpl::Assemble(const Tensor& noisy, const Tensor& pictures, const Tensor& poses,
-                                                     const Tensor& is_conditional) {
-  const Tensor shown = is_conditional.view({-1, 1, 1, 1}) * pictures;
+                                                     const Tensor& is_conditional, const Tensor& guides) {
+  const Tensor cells = at::pixel_unshuffle(at::cat({noisy, is_conditional.view({-1, 1, 1, 1}) * pictures}, 1), config_.cell);
+  std::vector<Tensor> side_by_side{cells};
+  if (guide_) {
+    if (!guides.defined()) throw Error("view diffusion", "was trained with guides and got none", "compute them with CodeMaps");
+    const Tensor guide = is_conditional.view({-1, 1, 1, 1}) * guide_->forward(guides);
+    side_by_side.push_back(at::upsample_bilinear2d(guide, {cells.size(2), cells.size(3)}, /*align_corners=*/false));
+  }
   const Tensor patches = patches_->forward(pictures).flatten(2).transpose(1, 2);  // [P, patches, width]
   const Tensor tokens = at::cat({pose_->forward(poses).unsqueeze(1), patches}, 1) * is_conditional.view({-1, 1, 1});
-  return {at::cat({noisy, shown}, 1), unet_->Prepare(tokens, ContextPath::kGeneral)};
+  return {at::cat(side_by_side, 1), unet_->Prepare(tokens, ContextPath::kGeneral)};
 }
 
 Tensor ViewDiffusionImpl::forward(const Tensor& noisy, const Tensor& pictures, const Tensor& timesteps, const Tensor& poses,
-                                  const Tensor& is_conditional) {
-  const Input input = Assemble(noisy, pictures, poses, is_conditional);
-  return unet_->forward(input.x, timesteps, input.context);
+                                  const Tensor& is_conditional, const Tensor& guides) {
+  const Input input = Assemble(noisy, pictures, poses, is_conditional, guides);
+  return at::pixel_shuffle(unet_->forward(input.x, timesteps, input.context), config_.cell);
 }
 
 Tensor ViewDiffusionImpl::SampleViews(const Tensor& picture, std::span<const ViewCondition> views, std::span<const std::string> names,
-                                      const Zero123Options& options, const ProgressCallback& progress) {
+                                      const Zero123Options& options, const Tensor& guides, const ProgressCallback& progress) {
   options.Check();
   const torch::InferenceMode inference;
   const auto count = static_cast<std::int64_t>(views.size());
@@ -139,10 +156,10 @@ Tensor ViewDiffusionImpl::SampleViews(const Tensor& picture, std::span<const Vie
     const double share = static_cast<double>(step) / evaluations;
     const bool is_guided = options.guidance_scale != 1 && share >= options.guidance_begin && share < options.guidance_end;
     const auto noise_of = [&](double is_conditional, UnetCache& cache) {
-      const Input input = Assemble(x, pictures, poses, at::full({count}, is_conditional, x.options()));
+      const Input input = Assemble(x, pictures, poses, at::full({count}, is_conditional, x.options()), guides);
       const Tensor timesteps = at::full({1}, time.timestep, x.options());
-      return NoiseFromTarget(config_.target, PredictWithCache(*unet_, input.x, timesteps, input.context, cache, step, options.full_step_every),
-                             x, time.alpha_bar);
+      const Tensor cells = PredictWithCache(*unet_, input.x, timesteps, input.context, cache, step, options.full_step_every);
+      return NoiseFromTarget(config_.target, at::pixel_shuffle(cells, config_.cell), x, time.alpha_bar);
     };
     const Tensor conditional = noise_of(1, caches[0]);
     return is_guided ? Guided(noise_of(0, caches[1]), conditional, options.guidance_scale) : conditional;

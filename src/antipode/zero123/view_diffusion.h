@@ -33,10 +33,14 @@ struct ViewDiffusionConfig {
   UnetConfig unet = {};
   DiffusionTarget target = DiffusionTarget::kVelocity;
   PoseCondition pose = PoseCondition::kRelativeRotation;
+  int cell = 1;   ///< side of the squares of pixels whose channels the UNet sees side by side, as one pixel
   int patch = 8;  ///< side of the picture's patches that become context tokens, pixels
+  /// Of maps that show what is known of each view beforehand, such as CodeMaps of the object prior; 0: there are none.
+  int guide_channels = 0;
+  int GuideSize() const { return image_size / 4; }  ///< side of these maps
 
-  /// 64 pixels, multipliers 1, 2, 3, attention at 16 pixels with 16 channels a head.
-  static ViewDiffusionConfig Small(std::int64_t base_width = 96);
+  /// 64 pixels in cells of 2, multipliers 2, 3, 3, one residual block a level, attention at a quarter of the resolution.
+  static ViewDiffusionConfig Small(std::int64_t base_width = 32);
   void Check() const;
 
   std::map<std::string, std::string> ToMetadata() const;
@@ -52,7 +56,8 @@ struct ViewCondition {
 };
 
 /// Imagines object-centric views of the object in an object-centric picture, without a latent space. The noisy view and
-/// the picture go into the UNet side by side; its context tokens are the pose and the picture's patches.
+/// the picture go into the UNet side by side, and the guide beside them; its context tokens are the pose and the picture's
+/// patches.
 class ViewDiffusionImpl : public torch::nn::Module {
  public:
   explicit ViewDiffusionImpl(const ViewDiffusionConfig& config);
@@ -64,31 +69,33 @@ class ViewDiffusionImpl : public torch::nn::Module {
   /// @param noisy, pictures [P, 3, S, S], -1..1
   /// @param timesteps [P]
   /// @param poses of PoseNumbers
-  /// @param is_conditional [P], 0 or 1; 0 hides picture and pose (classifier-free guidance)
+  /// @param is_conditional [P], 0 or 1; 0 hides picture, pose and guide (classifier-free guidance)
+  /// @param guides [P, guide_channels, GuideSize(), GuideSize()], if there are any
   torch::Tensor forward(const torch::Tensor& noisy, const torch::Tensor& pictures, const torch::Tensor& timesteps,
-                        const torch::Tensor& poses, const torch::Tensor& is_conditional);
+                        const torch::Tensor& poses, const torch::Tensor& is_conditional, const torch::Tensor& guides = {});
 
   /// @param picture [1, 3, S, S], -1..1
   /// @param names of the views, for their noise
   /// @return [P, 3, S, S], 0..1
   torch::Tensor SampleViews(const torch::Tensor& picture, std::span<const ViewCondition> views, std::span<const std::string> names,
-                            const Zero123Options& options, const ProgressCallback& progress = {});
+                            const Zero123Options& options, const torch::Tensor& guides = {}, const ProgressCallback& progress = {});
 
   const ViewDiffusionConfig& config() const { return config_; }
   const NoiseSchedule& schedule() const { return schedule_; }
 
  private:
   struct Input {
-    torch::Tensor x;  ///< noisy view and picture, side by side
+    torch::Tensor x;  ///< noisy view, picture and guide, side by side; cells, not pixels
     UnetContext context;
   };
-  Input Assemble(const torch::Tensor& noisy, const torch::Tensor& pictures, const torch::Tensor& poses, const torch::Tensor& is_conditional);
+  Input Assemble(const torch::Tensor& noisy, const torch::Tensor& pictures, const torch::Tensor& poses, const torch::Tensor& is_conditional,
+                 const torch::Tensor& guides);
 
   ViewDiffusionConfig config_;
   NoiseSchedule schedule_;
   Unet unet_{nullptr};
   Dense pose_{nullptr};
-  torch::nn::Conv2d patches_{nullptr};
+  torch::nn::Conv2d patches_{nullptr}, guide_{nullptr};
 };
 TORCH_MODULE(ViewDiffusion);
 
