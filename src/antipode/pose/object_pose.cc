@@ -15,6 +15,8 @@ constexpr double kSameModeDeg = 30;
 constexpr double kInlierPower = 0.5;           // a mode is worth its probability times (1 + inliers) to this power
 constexpr double kLeastProbability = 1e-4;     // of a mode, so that matches can speak for any
 constexpr double kFlatPosterior = 0.3;         // mass of all modes together
+constexpr char kOfMatches[] = "matching";
+constexpr double kConfirmedDeg = 12;           // the refiner's errors are about 5, those of right matches about 1
 constexpr int kInliersToRefine = 50;
 constexpr double kDeviationToRefineDeg = 1;
 
@@ -53,7 +55,7 @@ VerifiedMode Verify(const RotationMode& mode, const Reference& reference, const 
     verified.geometry = geometry;
     const bool is_refined = geometry.inliers >= kInliersToRefine && geometry.RotationDeviationDeg() < kDeviationToRefineDeg;
     verified.refined = is_refined ? rotation : mode.rotation;
-    verified.source = is_refined ? "matching" : source;
+    verified.source = is_refined ? kOfMatches : source;
   }
   return verified;
 }
@@ -83,6 +85,19 @@ std::vector<VerifiedMode> CoarseModes(const Reference& reference, const ObjectPo
   return modes;
 }
 
+/// Refines all poses. A rotation of the matches stays where the refiner nearly confirms it.
+void RefineAll(ViewComparison& comparison, const ObjectView& large, int iterations, std::vector<VerifiedMode>& modes, std::vector<Rigid3>& poses) {
+  const auto histories = comparison.Refine(large, poses, iterations);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Rigid3& refined = histories[i].back();
+    const bool is_confirmed = modes[i].source == kOfMatches && AngleBetweenDeg(refined.rotation, poses[i].rotation) < kConfirmedDeg;
+    poses[i].translation = refined.translation;
+    if (is_confirmed) continue;
+    poses[i].rotation = refined.rotation;
+    modes[i].source = "refiner";
+  }
+}
+
 void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, const ObjectPoseModels& models,
                    const ObjectView& large, int iterations, ObjectPose& result) {
   std::ranges::stable_sort(modes, std::ranges::greater(), &VerifiedMode::Worth);
@@ -93,11 +108,8 @@ void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, 
     probability += mode.mode.probability;
     poses.push_back(PlaceObject(reference, result.view, mode.refined));
   }
-  const bool refines = models.comparison != nullptr && models.comparison->Refines() && iterations > 0;
-  if (refines) {
-    const auto histories = models.comparison->Refine(large, poses, iterations);
-    for (std::size_t i = 0; i < poses.size(); ++i) poses[i] = histories[i].back();
-  }
+  if (models.comparison != nullptr && models.comparison->Refines() && iterations > 0)
+    RefineAll(*models.comparison, large, iterations, modes, poses);
   const int inliers = modes.front().geometry.inliers;
   result.confidence = ConfidenceOf(modes.front().Worth() / worth, inliers);
   if (std::min(1.0, probability) < kFlatPosterior && inliers < kInliersToRefine)
@@ -105,8 +117,7 @@ void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, 
   // Matches can make a mode sure that a flat posterior gave little.
   const double that_one_is_right = std::max(std::min(1.0, probability), result.confidence);
   for (std::size_t i = 0; i < modes.size(); ++i)
-    result.hypotheses.push_back({CameraPose(result.view, poses[i]), that_one_is_right * modes[i].Worth() / worth,
-                                 refines ? "refiner" : modes[i].source});
+    result.hypotheses.push_back({CameraPose(result.view, poses[i]), that_one_is_right * modes[i].Worth() / worth, modes[i].source});
   result.evidence["inliers"] = inliers;
 }
 
