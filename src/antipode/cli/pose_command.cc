@@ -102,8 +102,7 @@ class PoseCommand : public Command {
     const ReferenceModels models = ReferenceModels::Load(method_.model, common_.device);
     const Reference reference = LoadReference(reference_.path, models.identity);
     const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
-    ViewComparison comparison =
-        ViewComparison::Load(method_.comparison.selector, method_.comparison.refiner, SelectDevice(common_.device));
+    ViewComparison comparison = method_.comparison.Load(SelectDevice(common_.device));
     ProgressLine line(common_.ProgressMode());
     const std::vector<std::string> warnings = comparison.Prepare(reference, reference_.path, [&](const Progress& progress) {
       ThrowIfInterrupted();

@@ -62,7 +62,7 @@ class DiffusionRoute {
       : request_(request),
         models_(ReferenceModels::Load(request.model, request.device)),
         matcher_(std::move(matcher)),
-        comparison_(ViewComparison::Load(request.comparison.selector, request.comparison.refiner, SelectDevice(request.device))) {
+        comparison_(request.comparison.Load(SelectDevice(request.device))) {
     request_.synthesis.device = request.device;
     if (!HasOwnMeshes()) request_.synthesis.Check();
   }
@@ -241,8 +241,7 @@ std::vector<PoseMethod> LoadSweep(const MethodRequest& request, const std::strin
       add(one, Formatted("%d views", views));
     }
   } else if (what == "iterations") {
-    if (request.comparison.refiner.empty())
-      throw InvalidOption("--sweep iterations", "has no refiner to iterate", "give --refiner");
+    if (!request.comparison.Refines()) throw InvalidOption("--sweep iterations", "has no refiner to iterate", "leave out --refiner none");
     for (int iterations = 0; iterations <= 3; ++iterations) {
       MethodRequest one = request;
       one.comparison.refine_iterations = iterations;

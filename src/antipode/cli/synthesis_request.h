@@ -12,6 +12,7 @@
 #include "antipode/orientation/orientation.h"
 #include "antipode/pose/reference_build.h"
 #include "antipode/pose/two_view_pose.h"
+#include "antipode/pose/view_comparison.h"
 #include "antipode/zero123/zero123.h"
 
 namespace antipode {
@@ -56,12 +57,15 @@ struct SynthesisRequest {
 
 /// Which of Gen6D's networks look at the views.
 struct ViewComparisonRequest {
-  std::string selector, refiner;  ///< models; empty: without
+  std::string selector;             ///< model; empty: without
+  std::string refiner = "refiner";  ///< model; "none": without
   int refine_iterations = 3;
 
   /// Declares --selector, --refiner, --refine-iterations.
   void Declare(CLI::App& app, const std::string& group);
-  bool IsWanted() const { return !selector.empty() || !refiner.empty(); }
+  bool Refines() const { return refiner != "none"; }
+  bool IsWanted() const { return !selector.empty() || Refines(); }
+  ViewComparison Load(torch::Device device) const { return ViewComparison::Load(selector, Refines() ? refiner : "", device); }
 };
 
 /// The prior with what else references need.

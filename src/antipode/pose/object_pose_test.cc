@@ -8,6 +8,7 @@
 #include "antipode/image/load.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/pose/reference_build.h"
+#include "antipode/pose/view_comparison.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -198,6 +199,64 @@ TEST(EstimateObjectPose, ListsPosesWhoseProbabilitiesSumToAtMostOne) {
   EXPECT_GE(pose.confidence, 0);
   EXPECT_LE(pose.confidence, 1);
   EXPECT_THROW(EstimateObjectPose(reference, {.prior = &prior}, PhotographOf(CameraFromObject({.distance = 4})), {.hypotheses = 0, .matching = {}}), InvalidOption);
+}
+
+/// A refiner that always turns the input camera about its viewing direction.
+Refiner RefinerThatTurns(double angle) {
+  const torch::NoGradGuard no_gradient;
+  Refiner refiner(RefinerConfig{.backbone = BackboneKind::kEfficientNetLite0, .finest_stride = 8, .feature_width = 2, .volume_width = 2, .grid = 16,
+                                .regressor_width = 4});
+  for (auto& parameter : refiner->parameters()) parameter.zero_();
+  for (auto& item : refiner->named_parameters()) {
+    if (item.key() != "regressor.fcr.bias") continue;
+    item.value()[0] = std::cos(angle / 2);
+    item.value()[3] = std::sin(angle / 2);
+  }
+  refiner->eval();
+  return refiner;
+}
+
+ObjectPose PoseWithRefiner(const Reference& reference, const ObjectPrior& prior, const Refiner& refiner) {
+  ViewComparison comparison(std::nullopt, refiner);
+  comparison.Prepare(reference);
+  return EstimateObjectPose(reference, {.prior = &prior, .comparison = &comparison}, PhotographOf(CameraFromObject({.elevation = 20, .distance = 4})),
+                            {.hypotheses = 2, .matching = {}});
+}
+
+TEST(EstimateObjectPose, LetsTheRefinerChangePoses) {
+  const ObjectPrior prior = SmallPrior();
+  const Reference reference = ThingReference(prior, 24);
+  const ObjectPose coarse = EstimateObjectPose(reference, {.prior = &prior}, PhotographOf(CameraFromObject({.elevation = 20, .distance = 4})),
+                                               {.hypotheses = 2, .matching = {}});
+  const ObjectPose same = PoseWithRefiner(reference, prior, RefinerThatTurns(0));
+  const ObjectPose turned = PoseWithRefiner(reference, prior, RefinerThatTurns(RadiansFromDegrees(10)));
+  ASSERT_EQ(same.hypotheses.size(), coarse.hypotheses.size());
+  for (std::size_t i = 0; i < coarse.hypotheses.size(); ++i) {
+    const Eigen::Matrix3d& before = coarse.hypotheses[i].camera_from_object.rotation;
+    EXPECT_LT(AngleBetweenDeg(same.hypotheses[i].camera_from_object.rotation, before), 0.1);
+    EXPECT_NEAR(AngleBetweenDeg(turned.hypotheses[i].camera_from_object.rotation, before), 30, 0.5) << "three times ten degrees";
+    EXPECT_EQ(same.hypotheses[i].source, "refiner");
+  }
+}
+
+TEST(ShippedRefiner, BringsPosesNearer) {
+  const ObjectPrior prior = SmallPrior();
+  const Reference reference = ThingReference(prior, 48);
+  ViewComparison comparison = ViewComparison::Load("", "refiner");
+  comparison.Prepare(reference);
+  double before = 0, after = 0;
+  for (const double azimuth : {20.0, 200.0}) {
+    const Rigid3 pose = CameraFromObject({.azimuth = azimuth, .elevation = 25, .distance = 4});
+    const ObjectPhotograph photograph = PhotographOf(pose);
+    const ObjectView crop = MakeObjectView(photograph.image, photograph.mask, photograph.camera, {.size = 256});
+    const Rigid3 truth{crop.crop_from_camera * pose.rotation, crop.crop_from_camera * pose.translation};
+    const Rigid3 start{truth.rotation * RotationAboutY(RadiansFromDegrees(18)), truth.translation};
+    const Rigid3 refined = comparison.Refine(crop, {start}, 3)[0].back();
+    before += AngleBetweenDeg(start.rotation, truth.rotation) / 2;
+    after += AngleBetweenDeg(refined.rotation, truth.rotation) / 2;
+  }
+  EXPECT_LT(after, 0.7 * before);
+  RecordProperty("mean_error_deg", std::to_string(after));
 }
 
 }  // namespace
