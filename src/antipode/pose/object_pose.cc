@@ -16,6 +16,8 @@ constexpr double kInlierPower = 0.5;           // a mode is worth its probabilit
 constexpr double kLeastProbability = 1e-4;     // of a mode, so that matches can speak for any
 constexpr double kFlatPosterior = 0.3;         // mass of all modes together
 constexpr char kOfMatches[] = "matching";
+constexpr std::size_t kMostRefined = 4;        // two tenths of a second each
+constexpr double kWorthRefining = 0.1;         // of what the best one is worth
 constexpr double kConfirmedDeg = 12;           // the refiner's errors are about 5, those of right matches about 1
 constexpr int kInliersToRefine = 50;
 constexpr double kDeviationToRefineDeg = 1;
@@ -85,10 +87,13 @@ std::vector<VerifiedMode> CoarseModes(const Reference& reference, const ObjectPo
   return modes;
 }
 
-/// Refines all poses. A rotation of the matches stays where the refiner nearly confirms it.
-void RefineAll(ViewComparison& comparison, const ObjectView& large, int iterations, std::vector<VerifiedMode>& modes, std::vector<Rigid3>& poses) {
-  const auto histories = comparison.Refine(large, poses, iterations);
-  for (std::size_t i = 0; i < poses.size(); ++i) {
+/// Refines the first poses, the best ones. A rotation of the matches stays where the refiner nearly confirms it.
+void RefineBest(ViewComparison& comparison, const ObjectView& large, int iterations, std::vector<VerifiedMode>& modes, std::vector<Rigid3>& poses) {
+  std::vector<Rigid3> best;
+  for (std::size_t i = 0; i < std::min(poses.size(), kMostRefined); ++i)
+    if (modes[i].Worth() >= kWorthRefining * modes.front().Worth()) best.push_back(poses[i]);
+  const auto histories = comparison.Refine(large, best, iterations);
+  for (std::size_t i = 0; i < best.size(); ++i) {
     const Rigid3& refined = histories[i].back();
     const bool is_confirmed = modes[i].source == kOfMatches && AngleBetweenDeg(refined.rotation, poses[i].rotation) < kConfirmedDeg;
     poses[i].translation = refined.translation;
@@ -109,7 +114,7 @@ void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, 
     poses.push_back(PlaceObject(reference, result.view, mode.refined));
   }
   if (models.comparison != nullptr && models.comparison->Refines() && iterations > 0)
-    RefineAll(*models.comparison, large, iterations, modes, poses);
+    RefineBest(*models.comparison, large, iterations, modes, poses);
   const int inliers = modes.front().geometry.inliers;
   result.confidence = ConfidenceOf(modes.front().Worth() / worth, inliers);
   if (std::min(1.0, probability) < kFlatPosterior && inliers < kInliersToRefine)
