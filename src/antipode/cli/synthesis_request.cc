@@ -16,7 +16,7 @@
 namespace antipode {
 namespace {
 
-constexpr char kUprightModel[] = "upright", kZero123Model[] = "zero123", kSmallModel[] = "views";
+constexpr char kUprightModel[] = "upright";
 constexpr double kUncertain = 0.8;
 
 std::optional<UprightEstimator> LoadUpright(const std::string& prior_sha256) {
@@ -53,28 +53,15 @@ DenoiserPrecision PrecisionOf(const std::string& name, const std::string& preset
   return preset == "fast" && ProcessorHasBFloat16() ? DenoiserPrecision::kBFloat16 : DenoiserPrecision::kFloat32;
 }
 
-ImaginingModel ImaginingModel::Find(const std::string& name) {
-  constexpr char kImport[] = "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt";
-  if (name == "auto") {
-    if (IsModelInstalled(kZero123Model)) return {kZero123Model, {}};
-    if (IsModelInstalled(kSmallModel))
-      return {kSmallModel, std::string("the views are rough, imagined by the small built-in model; for Zero123, ") + kImport};
-  }
-  if (name == "auto" || (name == kZero123Model && !IsModelInstalled(name)))
-    throw Error(std::string("model '") + kZero123Model + "'", "is not installed", kImport);
-  return {name, {}};
-}
-
 void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const std::string& views_option) {
   const auto in_group = [&](CLI::Option* option) {
     if (!group.empty()) option->group(group);
   };
-  in_group(app.add_option("--synthesizer", synthesizer, "diffusion: imagine the object from the photograph; mesh: render --mesh")
+  in_group(app.add_option("--synthesizer", synthesizer, "zero123: imagine the object from the photograph; mesh: render --mesh")
                ->capture_default_str()->type_name("NAME"));
   in_group(app.add_option("--mesh", mesh, "The object's mesh (.glb, .gltf or what assimp reads); implies --synthesizer mesh")
                ->type_name("FILE"));
-  in_group(app.add_option("--synthesis-model", model, "The diffusion model: name or folder; auto: zero123 if it has been imported, else the small one that ships")
-               ->capture_default_str()->type_name("NAME|FOLDER"));
+  in_group(app.add_option("--synthesis-model", model, "The diffusion model: name or folder")->capture_default_str()->type_name("NAME|FOLDER"));
   in_group(app.add_option("--preset", preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()->type_name("NAME"));
   in_group(app.add_option("--precision", precision, "float32, bfloat16, or auto: bfloat16 for the preset fast where the processor has it")
                ->capture_default_str()->type_name("NAME"));
@@ -91,10 +78,12 @@ void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const st
 void SynthesisRequest::Check() const {
   if (!mesh.empty()) return;
   if (IsMesh()) throw InvalidOption("--synthesizer mesh", "has no mesh", "give --mesh object.glb");
-  if (synthesizer != "diffusion") throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use diffusion or mesh");
+  if (synthesizer != "zero123") throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use zero123 or mesh");
   SamplingPreset(preset);
   PrecisionOf(precision, preset);
-  ImaginingModel::Find(model);
+  if (model == "zero123" && !IsModelInstalled(model))
+    throw Error("model 'zero123'", "is not installed",
+                "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or give the object's --mesh");
 }
 
 void ViewComparisonRequest::Declare(CLI::App& app, const std::string& group) {
@@ -136,7 +125,7 @@ std::unique_ptr<ViewSynthesizer> SynthesizerOf(const SynthesisRequest& request, 
   if (!request.mesh.empty())
     throw InvalidOption("--search", "has nothing to search with a mesh", "'antipode pose --mesh' finds the whole pose");
   const ReferencePicture picture = MakeReferencePicture(photograph.image, photograph.mask, photograph.camera, turn_deg);
-  return MakeDiffusionSynthesizer(ImaginingModel::Find(request.model).name, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  return MakeDiffusionSynthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
 }
 
 Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
@@ -153,12 +142,10 @@ Reference BuildReference(const SynthesisRequest& request, const ReferenceModels&
   const double elevation = oriented.orientation.elevation_deg;
   const ReferencePicture picture =
       MakeReferencePicture(photograph->image, photograph->mask, photograph->camera, oriented.orientation.in_plane_rotation_deg);
-  const ImaginingModel model = ImaginingModel::Find(request.model);
-  const auto synthesizer = MakeDiffusionSynthesizer(model.name, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  const auto synthesizer = MakeDiffusionSynthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
   Reference reference = BuildReference(*synthesizer, RequestViewsAllAround(request.views, elevation), *models.prior, models.identity,
                                        picture.CameraFromObject(elevation), folder, progress);
   reference.warnings.insert(reference.warnings.end(), oriented.warnings.begin(), oriented.warnings.end());
-  if (model.warning) reference.warnings.push_back(*model.warning);
   return reference;
 }
 

@@ -24,21 +24,11 @@ Zero123Options SamplingPreset(const std::string& name);
 /// @throws InvalidOption naming --precision
 DenoiserPrecision PrecisionOf(const std::string& name, const std::string& preset);
 
-/// The diffusion model that imagines views.
-struct ImaginingModel {
-  std::string name;                    ///< or folder
-  std::optional<std::string> warning;  ///< if it is not what the user would want to have
-
-  /// @param name "auto": Zero123 if it has been imported, else the small one that ships
-  /// @throws Error if there is none
-  static ImaginingModel Find(const std::string& name);
-};
-
 /// Where the views of an object come from, as the command line names it.
 struct SynthesisRequest {
-  std::string synthesizer = "diffusion";   ///< or "mesh"
+  std::string synthesizer = "zero123";     ///< or "mesh"
   std::string mesh;                        ///< file, for "mesh"
-  std::string model = "auto";
+  std::string model = "zero123";
   std::string preset = "fast";
   std::string precision = "auto";
   int views = 64, batch = 4;

@@ -13,6 +13,8 @@
 #include "antipode/synthesis/view_folder.h"
 #include "antipode/util/error.h"
 #include "antipode/util/interrupt.h"
+#include "antipode/util/quote.h"
+#include "antipode/weights/registry.h"
 
 namespace antipode {
 namespace {
@@ -42,7 +44,8 @@ class SynthesizeCommand : public Command {
   std::string Name() const override { return "synthesize"; }
   std::string Summary() const override { return "Imagine the object in a picture from other viewpoints"; }
   std::string Example() const override {
-    return "  antipode synthesize photo.png --views 32 --elevation 20 --out views";
+    return "  antipode models import zero123 105000.ckpt\n"
+           "  antipode synthesize photo.png --views 32 --elevation 20 --out views";
   }
 
   void DeclareOptions(CLI::App& app) override {
@@ -57,8 +60,8 @@ class SynthesizeCommand : public Command {
     app.add_option("--elevations", elevations_deg_, "Instead, all combinations of these elevations..")->delimiter(',')->type_name("DEG,..");
     app.add_option("--azimuths", azimuths_deg_, ".. and azimuths; 0 is the picture's own, positive to the right")
         ->delimiter(',')->type_name("DEG,..");
-    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder; auto: zero123 if it has been imported, else the "
-                   "small one that ships")->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder")->capture_default_str()
+        ->type_name("NAME|FOLDER");
     const char* const group = "Sampling";
     app.add_option("--preset", sampling_.preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()
         ->type_name("NAME")->group(group);
@@ -79,14 +82,14 @@ class SynthesizeCommand : public Command {
     const std::vector<ViewRequest> requests = Requests();
     const Zero123SynthesisOptions options{sampling_.Resolve(common_.seed), batch_, PrecisionOf(sampling_.precision, sampling_.preset), memory_limit_gb_};
     options.Check();
-    const ImaginingModel model = ImaginingModel::Find(model_);
+    RequireModel();
     const PhotographInput input = LoadPhotograph(picture_, "image");
     const ReferencePicture picture = MakeReferencePicture(input.photograph.image, input.photograph.mask, input.photograph.camera);
-    const auto synthesizer = MakeDiffusionSynthesizer(model.name, picture.picture, options, SelectDevice(common_.device));
+    const auto synthesizer = MakeDiffusionSynthesizer(model_, picture.picture, options, SelectDevice(common_.device));
     ViewFolder folder(out_, synthesizer->Fingerprint());
     const std::vector<SynthesizedView> views = Synthesize(requests, *synthesizer, folder);
     folder.WriteOverviews(views);
-    Report(views.size(), input, model);
+    Report(views.size(), input);
   }
 
  private:
@@ -98,6 +101,11 @@ class SynthesizeCommand : public Command {
     return RequestViews(elevations_deg_, azimuths_deg_, elevation);
   }
 
+  void RequireModel() const {
+    if (model_ == "zero123" && !IsModelInstalled(model_))
+      throw Error("model 'zero123'", "is not installed", "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt");
+  }
+
   std::vector<SynthesizedView> Synthesize(const std::vector<ViewRequest>& requests, const ViewSynthesizer& synthesizer,
                                           ViewFolder& folder) const {
     ProgressLine line(common_.ProgressMode());
@@ -107,9 +115,8 @@ class SynthesizeCommand : public Command {
     });
   }
 
-  void Report(std::size_t count, const PhotographInput& input, const ImaginingModel& model) const {
+  void Report(std::size_t count, const PhotographInput& input) const {
     std::vector<std::string> warnings = input.warnings;
-    if (model.warning) warnings.push_back(*model.warning);
     if (!elevation_deg_) warnings.emplace_back("the picture's elevation is taken to be 0 degrees; give --elevation");
     common_.WriteJson({{"views", count}, {"folder", out_}, {"warnings", warnings}});
     if (!common_.PrintsText()) return;
@@ -118,7 +125,7 @@ class SynthesizeCommand : public Command {
   }
 
   PhotographRequest picture_;
-  std::string out_, model_ = "auto";
+  std::string out_, model_ = "zero123";
   std::optional<double> elevation_deg_;
   int views_ = 32, batch_ = 4;
   double memory_limit_gb_ = 0;
