@@ -220,11 +220,14 @@ class Contract:
 
     def check_pose_with_mesh(self):
         first, second = self.rendered("first", 0, 20), self.rendered("second", 60, 20)
-        result = json.loads(self.succeed("pose", first, second, "--mesh", self.folder / "mesh.obj", "--reference-views", 32, "--model",
-                                         self.program.model, "--reference-camera", "fov=40", "--query-camera", "fov=40", "--json", "-"))
-        expect(result["method"] == "diffusion", result["method"])
-        expect({hypothesis["source"] for hypothesis in result["hypotheses"]} <= {"prior", "matching"}, result["hypotheses"])
-        expect(0 <= result["confidence"] <= 1, result["confidence"])
+        sources = {"refiner": {"prior", "matching", "refiner"}, "none": {"prior", "matching"}}
+        for refiner, possible in sources.items():
+            result = json.loads(self.succeed("pose", first, second, "--mesh", self.folder / "mesh.obj", "--reference-views", 32, "--model",
+                                             self.program.model, "--reference-camera", "fov=40", "--query-camera", "fov=40", "--refiner", refiner,
+                                             "--json", "-"))
+            expect(result["method"] == "diffusion", result["method"])
+            expect({hypothesis["source"] for hypothesis in result["hypotheses"]} <= possible, result["hypotheses"])
+            expect(0 <= result["confidence"] <= 1, result["confidence"])
 
     def check_orient(self):
         result = json.loads(self.succeed("orient", self.a, "--image-camera", "fov=40", "--model", self.program.model, "--json", "-"))

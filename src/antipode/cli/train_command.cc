@@ -214,7 +214,7 @@ class TrainViewsCommand : public Command {
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
     app.add_option("--image-size", image_size_, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
     app.add_option("--width", width_, "Half the channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
-    app.add_option("--prior", options_.prior, "Whose codes of the picture guide the views; '' for none")->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--prior", options_.prior, "Whose codes of the picture guide the views, or none")->capture_default_str()->type_name("NAME|FOLDER");
     app.add_option("--predict", predict_, "velocity or noise")->capture_default_str()->type_name("NAME");
     app.add_option("--pose", pose_, "rotation: the relative rotation; zero123: its four numbers")->capture_default_str()->type_name("NAME");
     common_.Declare(app);
@@ -224,6 +224,7 @@ class TrainViewsCommand : public Command {
     common_.Apply();
     options_.seed = common_.seed;
     options_.device = common_.device;
+    if (options_.prior == "none") options_.prior.clear();
     ViewDiffusionConfig config = ViewDiffusionConfig::Small(width_);
     config.image_size = image_size_;
     config.target = Choose(predict_, "--predict", "velocity", DiffusionTarget::kVelocity, "noise", DiffusionTarget::kNoise);
