@@ -220,10 +220,11 @@ class Contract:
 
     def check_pose_with_mesh(self):
         first, second = self.rendered("first", 0, 20), self.rendered("second", 60, 20)
-        sources = {"refiner": {"prior", "matching", "refiner"}, "none": {"prior", "matching"}}
-        for refiner, possible in sources.items():
+        sources = {("--refiner", "refiner"): {"prior", "matching", "refiner"}, ("--refiner", "none"): {"prior", "matching"},
+                   ("--selector", "selector", "--refiner", "none"): {"selector", "matching"}}
+        for networks, possible in sources.items():
             result = json.loads(self.succeed("pose", first, second, "--mesh", self.folder / "mesh.obj", "--reference-views", 32, "--model",
-                                             self.program.model, "--reference-camera", "fov=40", "--query-camera", "fov=40", "--refiner", refiner,
+                                             self.program.model, "--reference-camera", "fov=40", "--query-camera", "fov=40", *networks,
                                              "--json", "-"))
             expect(result["method"] == "diffusion", result["method"])
             expect({hypothesis["source"] for hypothesis in result["hypotheses"]} <= possible, result["hypotheses"])

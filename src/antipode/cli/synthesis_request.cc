@@ -87,7 +87,7 @@ void SynthesisRequest::Check() const {
 }
 
 void ViewComparisonRequest::Declare(CLI::App& app, const std::string& group) {
-  app.add_option("--selector", selector, "Choose the views with this model, such as gen6d-selector after its import, instead of with the prior")
+  app.add_option("--selector", selector, "Choose the views with this model instead of with the prior: selector, the built-in one, or gen6d-selector after its import")
       ->type_name("NAME|FOLDER")->group(group);
   app.add_option("--refiner", refiner, "Refine the poses with this model: the built-in one, gen6d-refiner after its import, or none")
       ->capture_default_str()->type_name("NAME|FOLDER")->group(group);
