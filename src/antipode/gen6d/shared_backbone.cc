@@ -1,12 +1,10 @@
 #include "antipode/gen6d/shared_backbone.h"
 
-#include <span>
-
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/parts.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/weights/registry.h"
+#include "antipode/weights/tensor_hash.h"
 
 namespace antipode {
 namespace {
@@ -35,9 +33,7 @@ SharedBackbone LoadSharedBackbone(const std::string& model) {
   SharedBackbone backbone{WithoutPrefix(LoadModel(model), kBackbonePrefix), {}};
   if (backbone.tensors.tensors.empty())
     throw BadFile(FindModel(model).file.string(), "has no backbone to share", "name a prior or an imported selector");
-  std::string text;
-  for (const auto& [name, tensor] : backbone.tensors.tensors) text += name + Sha256Hex(std::span<const std::byte>(tensor.data));
-  backbone.sha256 = Sha256Hex(std::as_bytes(std::span(text)));
+  backbone.sha256 = Sha256OfTensors(backbone.tensors);
   return backbone;
 }
 

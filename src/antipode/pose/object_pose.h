@@ -42,7 +42,7 @@ struct ObjectPoseModels {
 
 /// Pose of the object of a reference in a photograph. Coarse: the modes of the prior's posterior given all views, or the
 /// views that the selector chooses. Then they are verified, and their rotations refined, by matches with the views near to
-/// them, and the four best last by the refiner: a rotation of the matches stays where it nearly confirms it.
+/// them, and the best ones, at most four, last by the refiner: a rotation of the matches stays where it nearly confirms it.
 ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPoseModels& models, const ObjectPhotograph& photograph,
                               const ObjectPoseOptions& options = {});
 

@@ -1,12 +1,12 @@
 #include "antipode/pose/selector_features.h"
 
 #include <map>
-#include <span>
 
 #include "antipode/nn/module_weights.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/weights/safetensors.h"
+#include "antipode/weights/tensor_hash.h"
 
 namespace antipode {
 namespace {
@@ -20,11 +20,9 @@ std::string LevelName(std::size_t level) { return "level" + std::to_string(level
 
 /// What the features belong to, and their own hash.
 std::map<std::string, std::string> IdentityOf(const TensorFile& file, const fs::path& folder, const std::string& selector_sha256) {
-  std::string hashes;
-  for (const auto& [name, tensor] : file.tensors) hashes += Sha256Hex(std::span<const std::byte>(tensor.data));
   return {{"selector_sha256", selector_sha256},
           {"reference_sha256", Sha256OfFile(folder / "reference.json")},
-          {"features_sha256", Sha256Hex(std::as_bytes(std::span(hashes)))}};
+          {"features_sha256", Sha256OfTensors(file)}};
 }
 
 }  // namespace

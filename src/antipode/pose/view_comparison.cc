@@ -46,14 +46,9 @@ std::vector<std::string> ViewComparison::Prepare(const Reference& reference, con
     pictures_.push_back(ToPosedPicture(view.image, view.camera, view.camera_from_object));
   if (!selector_) return {};
   const bool has_store = !folder.empty() && !selector_sha256_.empty();
-  if (has_store) {
-    if (auto kept = ReadSelectorFeatures(folder, selector_sha256_)) {
-      references_ = PrepareReferences(*selector_, pictures_, {}, std::move(*kept));
-      return {};
-    }
-  }
-  references_ = PrepareReferences(*selector_, pictures_, {}, {}, progress);
-  if (!has_store) return {};
+  const auto kept = has_store ? ReadSelectorFeatures(folder, selector_sha256_) : std::nullopt;
+  references_ = PrepareReferences(*selector_, pictures_, {}, kept.value_or(SelectorFeatures()), progress);
+  if (kept || !has_store) return {};
   try {
     KeepSelectorFeatures(folder, selector_sha256_, references_.features);
   } catch (const Error& error) {

@@ -33,10 +33,9 @@ Tensor ScaledCodes(const Tensor& codes) {
 }
 
 Tensor CodeMaps(const Tensor& codes, std::span<const Eigen::Matrix3d> view_from_picture, int size) {
-  const int max_degree = static_cast<int>(std::lround(std::sqrt(codes.size(2)))) - 1;
   const std::vector<Eigen::Matrix3d> rotations(view_from_picture.begin(), view_from_picture.end());
   const Tensor in_picture = torch::matmul(SpherePixels(size), ToTensor(rotations).to(torch::kFloat));  // rows: v^T R = (R^T v)^T
-  const Tensor values = torch::matmul(ScaledCodes(codes), HarmonicsAt(in_picture, max_degree).transpose(1, 2));  // [P, C, 2 S^2]
+  const Tensor values = torch::matmul(ScaledCodes(codes), HarmonicsAt(in_picture, MaxDegreeOf(codes)).transpose(1, 2));  // [P, C, 2 S^2]
   return values.view({codes.size(0), codes.size(1) * 2, size, size});
 }
 

@@ -24,8 +24,12 @@ torch::Tensor ToTensor(std::span<const Eigen::Matrix3d> rotations) {
   return tensor;
 }
 
+int MaxDegreeOf(const torch::Tensor& codes) {
+  return static_cast<int>(std::lround(std::sqrt(static_cast<double>(codes.size(-1))))) - 1;
+}
+
 torch::Tensor TurnCode(const torch::Tensor& code, const Eigen::Matrix3d& rotation) {
-  const int max_degree = static_cast<int>(std::lround(std::sqrt(static_cast<double>(code.size(1))))) - 1;
+  const int max_degree = MaxDegreeOf(code);
   const Eigen::VectorXf wigner = WignerMatrices(rotation, max_degree).cast<float>();
   std::vector<torch::Tensor> degrees;
   for (int l = 0; l <= max_degree; ++l) {

@@ -17,6 +17,9 @@ torch::Tensor CorrelateCodes(const torch::Tensor& query, const torch::Tensor& re
 /// [N, 3, 3], float32
 torch::Tensor ToTensor(std::span<const Eigen::Matrix3d> rotations);
 
+/// L of codes [.., (L + 1)^2].
+int MaxDegreeOf(const torch::Tensor& codes);
+
 /// The code of the turned object: D(R) F.
 /// @param code [C, (L + 1)^2]
 torch::Tensor TurnCode(const torch::Tensor& code, const Eigen::Matrix3d& rotation);

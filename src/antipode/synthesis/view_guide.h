@@ -25,7 +25,7 @@ class ViewGuide {
                                      torch::Device device = torch::kCPU);
   std::map<std::string, std::string> ToMetadata() const;
 
-  int Channels() const { return 2 * static_cast<int>(code_channels_); }
+  int Channels() const;  ///< of its maps; evaluates the network once
   int PictureSize() const { return prior_.ViewOptions().size; }
 
   /// @param pictures [P, 3, S, S], 0..1, of PictureSize()
@@ -38,7 +38,6 @@ class ViewGuide {
  private:
   std::string name_, sha256_;
   ObjectPrior prior_;
-  std::int64_t code_channels_;
 };
 
 }  // namespace antipode

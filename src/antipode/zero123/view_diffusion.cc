@@ -37,7 +37,6 @@ ViewDiffusionConfig ViewDiffusionConfig::Small(std::int64_t base_width) {
   config.unet.attention_factors = {2};
   config.unet.heads = base_width / 8;
   config.unet.context_width = 192;
-  config.unet = WithChannels(config.unet, config.cell, config.guide_channels);
   return config;
 }
 
@@ -88,7 +87,6 @@ ViewDiffusionConfig ViewDiffusionConfig::FromMetadata(const std::map<std::string
     config.unet.attention_factors = json.at("attention_factors").get<std::vector<std::int64_t>>();
     config.unet.heads = json.at("heads");
     config.unet.context_width = json.at("context_width");
-    config.unet = WithChannels(config.unet, config.cell, config.guide_channels);
     config.Check();
     return config;
   } catch (const nlohmann::json::exception&) {
