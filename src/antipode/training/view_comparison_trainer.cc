@@ -256,7 +256,7 @@ void ViewComparisonTrainingOptions::Check() const {
 }
 
 SelectorConfig BuiltInSelector() {
-  return {.backbone = BackboneKind::kEfficientNetLite0, .correlation_width = 24, .width = 128, .heads = 8};
+  return {.backbone = BackboneKind::kEfficientNetLite0, .correlation_width = 24, .width = 120, .heads = 8};
 }
 
 RefinerConfig BuiltInRefiner() {
