@@ -10,7 +10,8 @@
 namespace antipode {
 namespace {
 
-constexpr double kSupportWeight = 0.08;
+constexpr double kSupportWeight = 0.08;     // a
+constexpr double kOwnSupportWeight = 0.5;   // b
 // The search leaves the centre where the crops have it and so finds less support than there is.
 constexpr double kSearchWeight = 0.2;
 constexpr double kLeastMass = 1e-6;    // of a hypothesis, so that matches can speak for any
@@ -39,15 +40,23 @@ std::vector<Eigen::Matrix3d> StartsOnGrid(const CentredGeometry& matches, const 
   return starts;
 }
 
-double LogWorth(const JointHypothesis& hypothesis, std::size_t matches) {
+double LogWorth(const JointHypothesis& hypothesis) {
   const double support = std::max(hypothesis.support, 0.0);
-  const double agreeing = matches > 0 ? support / static_cast<double>(matches) : 0;
+  const double agreeing = hypothesis.matches > 0 ? support / static_cast<double>(hypothesis.matches) : 0;
   return kSupportWeight * support * agreeing + std::log(hypothesis.prior_mass + kLeastMass);
 }
 
+double Deviations(const JointHypothesis& hypothesis) {
+  return hypothesis.matches > 0 ? std::max(hypothesis.support, 0.0) / std::sqrt(static_cast<double>(hypothesis.matches)) : 0;
+}
+
+double LogWorthByOwnMatches(const JointHypothesis& hypothesis) {
+  return kOwnSupportWeight * Deviations(hypothesis) + std::log(hypothesis.prior_mass + kLeastMass);
+}
+
 /// Sorted, without those near a better one, with their shares.
-std::vector<JointHypothesis> Rank(std::vector<JointHypothesis> hypotheses, std::size_t matches, double separation_deg) {
-  const auto log_worth = [&](const JointHypothesis& hypothesis) { return LogWorth(hypothesis, matches); };
+std::vector<JointHypothesis> Rank(std::vector<JointHypothesis> hypotheses, double (*log_worth)(const JointHypothesis&),
+                                  double separation_deg) {
   std::ranges::stable_sort(hypotheses, std::ranges::greater{}, log_worth);
   std::vector<JointHypothesis> kept;
   double sum = 0;
@@ -84,11 +93,34 @@ std::vector<JointHypothesis> WeighTogether(const CentredGeometry& matches, const
   std::vector<JointHypothesis> hypotheses;
   const auto add = [&](const CentredGeometry::SupportedPose& pose, bool is_refined) {
     const double mass = prior.MassAround(pose.query_from_reference.rotation);
-    hypotheses.push_back({pose.query_from_reference, mass, pose.support, 0, is_refined});
+    hypotheses.push_back({pose.query_from_reference, mass, pose.support, matches.Matches(), 0, is_refined});
   };
   for (const RotationMode& mode : modes) add(matches.Centred(mode.rotation), false);
   for (const Eigen::Matrix3d& start : starts) add(matches.Refine(start), true);
-  return Rank(std::move(hypotheses), matches.Matches(), options.separation_deg);
+  return Rank(std::move(hypotheses), LogWorth, options.separation_deg);
+}
+
+void OwnMatchesOptions::Check() const {
+  if (most_hypotheses < 0) throw InvalidOption("most_hypotheses", "must not be negative");
+  if (!(least_share >= 0 && least_share <= 1)) throw InvalidOption("least_share", "must be 0 to 1");
+  if (!(separation_deg > 0)) throw InvalidOption("separation_deg", "must be positive");
+}
+
+std::vector<JointHypothesis> WeighByOwnMatches(std::vector<JointHypothesis> hypotheses, const GridPosterior& prior,
+                                               const CentredCameras& cameras, const MatchGivenRotation& match,
+                                               const OwnMatchesOptions& options) {
+  options.Check();
+  for (std::size_t i = 0; i < hypotheses.size() && i < static_cast<std::size_t>(options.most_hypotheses); ++i) {
+    if (hypotheses[i].share < options.least_share) break;
+    const Eigen::Matrix3d& rotation = hypotheses[i].query_crop_from_reference_crop.rotation;
+    const CentredGeometry matches(match(rotation), cameras);
+    if (matches.Matches() < options.least_matches) continue;
+    const CentredGeometry::SupportedPose pose = matches.Refine(rotation);
+    const double mass = prior.MassAround(pose.query_from_reference.rotation);
+    const JointHypothesis by_own{pose.query_from_reference, mass, pose.support, matches.Matches(), 0, true};
+    if (Deviations(by_own) > Deviations(hypotheses[i])) hypotheses[i] = by_own;
+  }
+  return Rank(std::move(hypotheses), LogWorthByOwnMatches, options.separation_deg);
 }
 
 }  // namespace antipode

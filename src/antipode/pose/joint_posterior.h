@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -16,6 +17,7 @@ struct JointHypothesis {
   Rigid3 query_crop_from_reference_crop;  ///< in object radii
   double prior_mass = 0;   ///< of the prior's posterior within 15 degrees
   double support = 0;      ///< of the matches, see CentredGeometry
+  std::size_t matches = 0; ///< n, so many could have supported it
   double share = 0;        ///< of the worth of all hypotheses together
   bool is_refined = false; ///< by the matches; otherwise it is a mode of the prior
 };
@@ -38,5 +40,25 @@ std::vector<JointHypothesis> WeighTogether(const CentredGeometry& matches, const
                                            std::span<const RotationMode> modes,
                                            std::span<const Eigen::Matrix3d> further_starts,
                                            const JointPosteriorOptions& options = {});
+
+/// Finds matches given how the query's crop is turned to the reference's, see MatchHalfway.
+using MatchGivenRotation = std::function<Correspondences(const Eigen::Matrix3d& query_crop_from_reference_crop)>;
+
+struct OwnMatchesOptions {
+  int most_hypotheses = 5;       ///< that get matches of their own, best first
+  double least_share = 0.01;     ///< of a hypothesis that gets some
+  std::size_t least_matches = 8; ///< fewer are chance, and count as none
+  double separation_deg = 30;    ///< hypotheses nearer to a better one are left out
+  void Check() const;
+};
+
+/// Weighs hypotheses of `WeighTogether` anew, each also by matches that were found under it. It is then worth
+///   w = m exp(b max(S / sqrt(n), S' / sqrt(n'))),  b = 0.5,
+/// with S of the n matches of all and S' of the n' of its own: supports in standard deviations of a count, since now the matches
+/// differ from hypothesis to hypothesis, and a wrong one has few. The pose is that of the greater of both.
+/// @return best first; the shares sum to 1
+std::vector<JointHypothesis> WeighByOwnMatches(std::vector<JointHypothesis> hypotheses, const GridPosterior& prior,
+                                               const CentredCameras& cameras, const MatchGivenRotation& match,
+                                               const OwnMatchesOptions& options = {});
 
 }  // namespace antipode

@@ -92,6 +92,79 @@ TEST(WeighTogether, LeavesOutWhatIsNearABetterOne) {
                                 hypotheses[j].query_crop_from_reference_crop.rotation), 30);
 }
 
+/// Hypotheses of the prior alone: kLikely, then kUnlikely.
+std::vector<JointHypothesis> WithoutMatches(const TwoModes& prior) {
+  auto hypotheses = WeighTogether(CentredGeometry({}, kCameras), prior.posterior, prior.modes, {});
+  hypotheses.resize(2);
+  return hypotheses;
+}
+
+/// Finds matches only under rotations near the true one.
+MatchGivenRotation MatchesNear(const Eigen::Matrix3d& truth, int count) {
+  return [=](const Eigen::Matrix3d& rotation) {
+    return AngleBetweenDeg(rotation, truth) < 15 ? MatchesOf(truth, count) : Correspondences{};
+  };
+}
+
+TEST(WeighByOwnMatches, KeepsTheOrderWhereNoneHasMatches) {
+  const TwoModes prior;
+  const auto before = WithoutMatches(prior);
+  const auto after = WeighByOwnMatches(before, prior.posterior, kCameras, [](const Eigen::Matrix3d&) { return Correspondences{}; });
+  ASSERT_EQ(after.size(), before.size());
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    EXPECT_TRUE(after[i].query_crop_from_reference_crop.rotation.isApprox(before[i].query_crop_from_reference_crop.rotation));
+    EXPECT_EQ(after[i].matches, 0U);
+  }
+  EXPECT_NEAR(SumOfShares(after), 1, 1e-9);
+}
+
+TEST(WeighByOwnMatches, PrefersTheHypothesisUnderWhichMatchesAreFound) {
+  const TwoModes prior;
+  const auto after = WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, MatchesNear(kUnlikely, 60));
+  EXPECT_LT(AngleBetweenDeg(after[0].query_crop_from_reference_crop.rotation, kUnlikely), 1);
+  EXPECT_GT(after[0].support, 55);
+  EXPECT_EQ(after[0].matches, 60U);
+  EXPECT_TRUE(after[0].is_refined);
+  EXPECT_GT(after[0].share, 0.8);
+  EXPECT_NEAR(SumOfShares(after), 1, 1e-9);
+}
+
+TEST(WeighByOwnMatches, KeepsThePoseOfTheMatchesOfAllWhereTheySayMore) {
+  const TwoModes prior;
+  const auto before = WeighTogether(CentredGeometry(MatchesOf(kUnlikely, 60), kCameras), prior.posterior, prior.modes, {});
+  const auto after = WeighByOwnMatches(before, prior.posterior, kCameras, MatchesNear(kUnlikely, 20));
+  EXPECT_EQ(after[0].matches, 60U);
+  EXPECT_EQ(after[0].support, before[0].support);
+}
+
+TEST(WeighByOwnMatches, TakesFewMatchesForChance) {
+  const TwoModes prior;
+  const auto after = WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, MatchesNear(kUnlikely, 7), {.least_matches = 8});
+  EXPECT_LT(AngleBetweenDeg(after[0].query_crop_from_reference_crop.rotation, kLikely), 5);
+  for (const JointHypothesis& hypothesis : after) EXPECT_EQ(hypothesis.matches, 0U);
+}
+
+TEST(WeighByOwnMatches, MatchesNoMoreHypothesesThanAsked) {
+  const TwoModes prior;
+  const auto calls = [&](const OwnMatchesOptions& options) {
+    int count = 0;
+    const auto match = [&](const Eigen::Matrix3d&) { return ++count, Correspondences{}; };
+    WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, match, options);
+    return count;
+  };
+  EXPECT_EQ(calls({}), 2);
+  EXPECT_EQ(calls({.most_hypotheses = 1}), 1);
+  EXPECT_EQ(calls({.most_hypotheses = 0}), 0);
+  EXPECT_EQ(calls({.least_share = 0.5}), 1);
+}
+
+TEST(WeighByOwnMatches, RefusesImpossibleOptions) {
+  const TwoModes prior;
+  const auto none = [](const Eigen::Matrix3d&) { return Correspondences{}; };
+  for (const OwnMatchesOptions& options : {OwnMatchesOptions{.most_hypotheses = -1}, {.least_share = 2}, {.separation_deg = 0}})
+    EXPECT_THROW(WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, none, options), InvalidOption);
+}
+
 TEST(WeighTogether, RefusesImpossibleOptions) {
   const TwoModes prior;
   EXPECT_THROW(WeighTogether(CentredGeometry({}, kCameras), prior.posterior, prior.modes, {}, {.starts = 0}), InvalidOption);

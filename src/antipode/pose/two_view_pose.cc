@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "antipode/geometry/rotation.h"
+#include "antipode/pose/halfway_matching.h"
 #include "antipode/pose/joint_posterior.h"
 #include "antipode/util/error.h"
 #include "antipode/util/stopwatch.h"
@@ -15,7 +16,7 @@ namespace {
 constexpr double kTrustedDirectionDeg = 10;  // of the translation, by the covariance
 constexpr double kTurnWorthTrying = 0.1;  // posterior mass; at least one of four quarter turns has more
 
-constexpr int kLeastMatches = 8;  // fewer are chance
+constexpr std::size_t kLeastMatches = 8;  // fewer are chance
 
 /// Printed by scripts/fit_confidence.py.
 struct MatchingWeights {
@@ -147,22 +148,22 @@ std::vector<int> TurnsSuggestedBy(const GridPosterior& prior) {
   return turns;
 }
 
-/// The prior's modes and what the matches make of them, weighed together.
-std::vector<JointHypothesis> WeighTogether(const CroppedPair& views, const MatchedViews& matched, const PriorOpinion& opinion,
-                                           const GridPosterior& posterior) {
-  const CentredGeometry matches(matched.correspondences,
-                                {{views[0].camera, views[1].camera}, views[0].distance, views[1].distance});
+/// The prior's modes and what the matches make of them, weighed together; then each by matches that are found under it.
+std::vector<JointHypothesis> WeighTogether(const Matcher& matcher, const CroppedPair& views, const MatchedViews& matched,
+                                           const PriorOpinion& opinion, const GridPosterior& posterior, TwoViewPose& result) {
+  Stopwatch stopwatch;
+  const CentredCameras cameras{{views[0].camera, views[1].camera}, views[0].distance, views[1].distance};
+  const bool is_chance = matched.correspondences.size() < kLeastMatches;
   std::vector<Eigen::Matrix3d> further_starts;
   if (matched.geometry.status != TwoViewStatus::kTooFewMatches)
     further_starts.push_back(matched.geometry.query_from_reference.rotation);
-  return WeighTogether(matches, posterior, opinion.modes, further_starts);
-}
-
-int Inliers(const CroppedPair& views, const Correspondences& correspondences, const Rigid3& query_crop_from_reference_crop,
-            double threshold_px) {
-  const std::vector<double> distances =
-      SampsonDistances(correspondences, {views[0].camera, views[1].camera}, query_crop_from_reference_crop);
-  return static_cast<int>(std::ranges::count_if(distances, [&](double distance) { return distance < threshold_px; }));
+  const CentredGeometry matches(is_chance ? Correspondences{} : matched.correspondences, cameras);
+  const std::vector<JointHypothesis> joint = WeighTogether(matches, posterior, opinion.modes, further_starts);
+  result.timings_s["weigh"] = stopwatch.Lap();
+  const auto match = [&](const Eigen::Matrix3d& rotation) { return MatchHalfway(matcher, views[0], views[1], rotation); };
+  const std::vector<JointHypothesis> weighed = WeighByOwnMatches(joint, posterior, cameras, match, {.least_matches = kLeastMatches});
+  result.timings_s["rematch"] = stopwatch.Lap();
+  return weighed;
 }
 
 /// The first is right with `confidence`; the others share most of the rest by the roots of their shares, none more than it.
@@ -251,14 +252,11 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   matching.quarter_turns = TurnsSuggestedBy(posterior);
   const MatchedViews matched = Match(matcher, large, matching, result);
   result.evidence["prior_confidence"] = prior_confidence;
-  if (matched.correspondences.size() >= kLeastMatches) {
-    Stopwatch weighing;
-    const std::vector<JointHypothesis> joint = WeighTogether(large, matched, opinion, posterior);
+  const std::vector<JointHypothesis> joint = WeighTogether(matcher, large, matched, opinion, posterior, result);
+  const auto has_matches = [](const JointHypothesis& hypothesis) { return hypothesis.matches > 0; };
+  if (matched.correspondences.size() >= kLeastMatches || std::ranges::any_of(joint, has_matches)) {
     const JointHypothesis& best = joint.front();
-    result.evidence["inliers"] =
-        Inliers(large, matched.correspondences, best.query_crop_from_reference_crop, matching.geometry.threshold_px);
     Take(joint, large, JointConfidence({best.share, best.support, prior_confidence}), options.hypotheses, result);
-    result.timings_s["weigh"] = weighing.Lap();
   }
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   Keep(std::move(small), result);

@@ -38,7 +38,7 @@ struct TwoViewPose {
   double confidence = 0;                   ///< calibrated: how often a rotation error is below 30 degrees
   std::vector<PoseHypothesis> hypotheses;  ///< best first; probabilities sum to at most 1
   ObjectView reference, query;             ///< the object-centric crops that were compared
-  std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match", "weigh"
+  std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match", "weigh", "rematch"
   /// What speaks for the pose. With matching: "matches", "inliers"; with matching alone: "rotation_deviation_deg",
   /// "translation_disagreement_deg", see MatchingEvidence; with prior and matching: "share", "support", "prior_mass", see
   /// JointHypothesis, and "prior_confidence", that of the prior alone.
@@ -65,7 +65,8 @@ TwoViewPose EstimatePoseByMatching(const Matcher& matcher, const ObjectPhotograp
                                    const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
 
 /// The route `auto`: the modes of the prior and what the matches make of them and of other rotations, weighed together
-/// (joint_posterior.h). Matching tries the turns of the query that the prior's modes suggest.
+/// (joint_posterior.h). Matching tries the turns of the query that the prior's modes suggest; the best hypotheses are then
+/// matched again, each with both crops turned to where a camera halfway would stand (halfway_matching.h).
 TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher, const ObjectPhotograph& reference,
                                const ObjectPhotograph& query, const TwoViewPoseOptions& options = {});
 

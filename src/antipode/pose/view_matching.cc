@@ -20,16 +20,9 @@ bool IsOnObject(const cv::Mat& mask, const Eigen::Vector2d& pixel) {
 
 Correspondences MatchTurned(const Matcher& matcher, const ObjectView& reference, const ObjectView& query,
                             int quarter_turns) {
-  const Correspondences found = matcher.Match(reference.image, QuarterTurned(query.image, quarter_turns));
-  Correspondences kept;
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    const Eigen::Vector2d in_query = TurnPixel(found.query[i], 4 - quarter_turns, query.image.cols);
-    if (!IsOnObject(reference.mask, found.reference[i]) || !IsOnObject(query.mask, in_query)) continue;
-    kept.reference.push_back(found.reference[i]);
-    kept.query.push_back(in_query);
-    kept.scores.push_back(found.scores[i]);
-  }
-  return kept;
+  Correspondences found = matcher.Match(reference.image, QuarterTurned(query.image, quarter_turns));
+  for (Eigen::Vector2d& pixel : found.query) pixel = TurnPixel(pixel, 4 - quarter_turns, query.image.cols);
+  return OnObject(found, reference.mask, query.mask);
 }
 
 /// Between the crop cameras, both of which have the object's centre on their axes.
@@ -89,6 +82,18 @@ MatchedViews MatchObjectViews(const Matcher& matcher, const ObjectView& referenc
     if (best.geometry.inliers >= options.enough_inliers) break;
   }
   return best;
+}
+
+Correspondences OnObject(const Correspondences& correspondences, const cv::Mat& reference_mask, const cv::Mat& query_mask) {
+  Correspondences kept;
+  for (std::size_t i = 0; i < correspondences.size(); ++i) {
+    const Eigen::Vector2d &in_reference = correspondences.reference[i], &in_query = correspondences.query[i];
+    if (!IsOnObject(reference_mask, in_reference) || !IsOnObject(query_mask, in_query)) continue;
+    kept.reference.push_back(in_reference);
+    kept.query.push_back(in_query);
+    kept.scores.push_back(correspondences.scores[i]);
+  }
+  return kept;
 }
 
 cv::Mat QuarterTurned(const cv::Mat& image, int quarter_turns) {

@@ -35,6 +35,9 @@ struct MatchedViews {
 MatchedViews MatchObjectViews(const Matcher& matcher, const ObjectView& reference, const ObjectView& query,
                               const ViewMatchingOptions& options = {});
 
+/// Those of the correspondences that are on the object in both masks (8UC1, > 125 is object).
+Correspondences OnObject(const Correspondences& correspondences, const cv::Mat& reference_mask, const cv::Mat& query_mask);
+
 /// The picture turned clockwise by 0 to 3 quarter turns, without copying for 0.
 cv::Mat QuarterTurned(const cv::Mat& image, int quarter_turns);
 
