@@ -111,9 +111,10 @@ class PoseCommand : public Command {
     ThrowIfInterrupted();
     result.load_seconds = SecondsSinceProcessStart();
     const ObjectPoseModels pose_models{models.prior.get(), matcher.get(), method_.comparison.IsWanted() ? &comparison : nullptr};
-    result.pose = RelativeToSource(
-        reference, EstimateObjectPose(reference, pose_models, result.query.photograph,
-                                      {method_.options.hypotheses, method_.comparison.refine_iterations, method_.options.matching}));
+    const ObjectPoseOptions options{.hypotheses = method_.options.hypotheses,
+                                    .refine_iterations = method_.comparison.refine_iterations,
+                                    .matching = method_.options.matching};
+    result.pose = RelativeToSource(reference, EstimateObjectPose(reference, pose_models, result.query.photograph, options));
     if (!reference.source_from_object)
       result.pose.warnings.emplace_back("the reference comes from a mesh: the pose is that of the mesh's frame in the query camera");
     for (const auto& more : {reference.warnings, warnings}) result.pose.warnings.insert(result.pose.warnings.end(), more.begin(), more.end());

@@ -94,7 +94,9 @@ class DiffusionRoute {
   }
 
   ObjectPose Pose(const SceneView& view) {
-    const ObjectPoseOptions options{request_.options.hypotheses, request_.comparison.refine_iterations, request_.options.matching};
+    const ObjectPoseOptions options{.hypotheses = request_.options.hypotheses,
+                                    .refine_iterations = request_.comparison.refine_iterations,
+                                    .matching = request_.options.matching};
     ViewComparison* const comparison = request_.comparison.IsWanted() ? &comparison_ : nullptr;
     return EstimateObjectPose(reference_, {models_.prior.get(), matcher_.get(), comparison}, view.photograph, options);
   }

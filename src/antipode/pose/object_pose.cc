@@ -103,8 +103,17 @@ void RefineBest(ViewComparison& comparison, const ObjectView& large, int iterati
   }
 }
 
+/// Whether there is something to refine with; a reference that does not suit it is a warning.
+bool Refines(const Reference& reference, const ObjectPoseModels& models, const ObjectPoseOptions& options, ObjectPose& result) {
+  if (models.comparison == nullptr || !models.comparison->Refines() || options.refine_iterations < 1) return false;
+  if (reference.views.size() >= static_cast<std::size_t>(options.least_views_to_refine)) return true;
+  result.warnings.push_back("the refiner was left out: the reference has only " + std::to_string(reference.views.size()) +
+                            " views, it needs " + std::to_string(options.least_views_to_refine));
+  return false;
+}
+
 void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, const ObjectPoseModels& models,
-                   const ObjectView& large, int iterations, ObjectPose& result) {
+                   const ObjectView& large, const ObjectPoseOptions& options, ObjectPose& result) {
   std::ranges::stable_sort(modes, std::ranges::greater(), &VerifiedMode::Worth);
   double worth = 0, probability = 0;
   std::vector<Rigid3> poses;
@@ -113,8 +122,7 @@ void AddHypotheses(const Reference& reference, std::vector<VerifiedMode> modes, 
     probability += mode.mode.probability;
     poses.push_back(PlaceObject(reference, result.view, mode.refined));
   }
-  if (models.comparison != nullptr && models.comparison->Refines() && iterations > 0)
-    RefineBest(*models.comparison, large, iterations, modes, poses);
+  if (Refines(reference, models, options, result)) RefineBest(*models.comparison, large, options.refine_iterations, modes, poses);
   const int inliers = modes.front().geometry.inliers;
   result.confidence = ConfidenceOf(modes.front().Worth() / worth, inliers);
   if (std::min(1.0, probability) < kFlatPosterior && inliers < kInliersToRefine)
@@ -132,6 +140,7 @@ void ObjectPoseOptions::Check() const {
   if (hypotheses < 1 || hypotheses > 50) throw InvalidOption("hypotheses", "is " + std::to_string(hypotheses), "use 1 to 50");
   if (refine_iterations < 0 || refine_iterations > 100)
     throw InvalidOption("refine_iterations", "is " + std::to_string(refine_iterations), "use 0 to 100");
+  if (least_views_to_refine < 0) throw InvalidOption("least_views_to_refine", "must not be negative");
   matching.Check();
 }
 
@@ -172,7 +181,7 @@ ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPoseModels
     for (VerifiedMode& mode : modes) mode = Verify(mode.mode, reference, *models.matcher, large, mode.source, options.matching);
     result.timings_s["match"] = stopwatch.Lap();
   }
-  AddHypotheses(reference, std::move(modes), models, large, options.refine_iterations, result);
+  AddHypotheses(reference, std::move(modes), models, large, options, result);
   result.timings_s["refine"] = stopwatch.Lap();
   return result;
 }

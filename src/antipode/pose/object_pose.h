@@ -29,6 +29,7 @@ struct ObjectPose {
 struct ObjectPoseOptions {
   int hypotheses = 5;        ///< modes of the posterior or selected views, each verified by matching with the view nearest to it
   int refine_iterations = 3; ///< of the refiner, if there is one
+  int least_views_to_refine = 32;  ///< the refiner compares with the views near to a pose; far ones mislead it
   ViewMatchingOptions matching;
   void Check() const;
 };
@@ -42,7 +43,8 @@ struct ObjectPoseModels {
 
 /// Pose of the object of a reference in a photograph. Coarse: the modes of the prior's posterior given all views, or the
 /// views that the selector chooses. Then they are verified, and their rotations refined, by matches with the views near to
-/// them, and the best ones, at most four, last by the refiner: a rotation of the matches stays where it nearly confirms it.
+/// them, and the best ones, at most four, last by the refiner: a rotation of the matches stays where it nearly confirms it. A reference of few views
+/// is a warning, and is not refined.
 ObjectPose EstimateObjectPose(const Reference& reference, const ObjectPoseModels& models, const ObjectPhotograph& photograph,
                               const ObjectPoseOptions& options = {});
 

@@ -225,7 +225,7 @@ ObjectPose PoseWithRefiner(const Reference& reference, const ObjectPrior& prior,
 
 TEST(EstimateObjectPose, LetsTheRefinerChangePoses) {
   const ObjectPrior prior = SmallPrior();
-  const Reference reference = ThingReference(prior, 24);
+  const Reference reference = ThingReference(prior, 32);
   const ObjectPose coarse = EstimateObjectPose(reference, {.prior = &prior}, PhotographOf(CameraFromObject({.elevation = 20, .distance = 4})),
                                                {.hypotheses = 2, .matching = {}});
   const ObjectPose same = PoseWithRefiner(reference, prior, RefinerThatTurns(0));
@@ -237,6 +237,15 @@ TEST(EstimateObjectPose, LetsTheRefinerChangePoses) {
     EXPECT_NEAR(AngleBetweenDeg(turned.hypotheses[i].camera_from_object.rotation, before), 30, 0.5) << "three times ten degrees";
     EXPECT_EQ(same.hypotheses[i].source, "refiner");
   }
+}
+
+TEST(EstimateObjectPose, LeavesTheRefinerOutWhereViewsAreFewAndSaysSo) {
+  const ObjectPrior prior = SmallPrior();
+  const Reference reference = ThingReference(prior, 12);
+  const ObjectPose pose = PoseWithRefiner(reference, prior, RefinerThatTurns(RadiansFromDegrees(10)));
+  for (const ObjectPoseHypothesis& hypothesis : pose.hypotheses) EXPECT_NE(hypothesis.source, "refiner");
+  ASSERT_FALSE(pose.warnings.empty());
+  EXPECT_NE(pose.warnings.front().find("has only 12 views"), std::string::npos) << pose.warnings.front();
 }
 
 TEST(ShippedRefiner, BringsPosesNearer) {
