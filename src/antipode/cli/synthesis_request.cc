@@ -89,7 +89,7 @@ void SynthesisRequest::Check() const {
 void ViewComparisonRequest::Declare(CLI::App& app, const std::string& group) {
   app.add_option("--selector", selector, "Choose the views with this model instead of with the prior: selector, the built-in one, or gen6d-selector after its import")
       ->type_name("NAME|FOLDER")->group(group);
-  app.add_option("--refiner", refiner, "Refine the poses with this model: the built-in one, gen6d-refiner after its import, or none")
+  app.add_option("--refiner", refiner, "Refine the poses with this model where there are 32 views or more: the built-in one, gen6d-refiner after its import, or none")
       ->capture_default_str()->type_name("NAME|FOLDER")->group(group);
   app.add_option("--refine-iterations", refine_iterations, "Steps of the refiner")->capture_default_str()->type_name("N")
       ->group(group)->check(CLI::Range(0, 100));
