@@ -40,14 +40,14 @@ std::vector<Eigen::Matrix3d> StartsOnGrid(const CentredGeometry& matches, const 
   return starts;
 }
 
-double LogWorth(const JointHypothesis& hypothesis) {
-  const double support = std::max(hypothesis.support, 0.0);
-  const double agreeing = hypothesis.matches > 0 ? support / static_cast<double>(hypothesis.matches) : 0;
-  return kSupportWeight * support * agreeing + std::log(hypothesis.prior_mass + kLeastMass);
-}
-
+/// S / sqrt(n), or 0 without matches.
 double Deviations(const JointHypothesis& hypothesis) {
   return hypothesis.matches > 0 ? std::max(hypothesis.support, 0.0) / std::sqrt(static_cast<double>(hypothesis.matches)) : 0;
+}
+
+double LogWorth(const JointHypothesis& hypothesis) {
+  const double deviations = Deviations(hypothesis);
+  return kSupportWeight * deviations * deviations + std::log(hypothesis.prior_mass + kLeastMass);
 }
 
 double LogWorthByOwnMatches(const JointHypothesis& hypothesis) {
