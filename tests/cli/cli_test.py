@@ -16,7 +16,7 @@ import time
 from program import Program, expect, mask, photo, require_files, run_checks
 
 COMMANDS = ("pose", "match", "reference build", "reference info", "orient", "synthesize", "render", "evaluate", "train prior",
-            "train ranker", "train upright", "train selector", "train refiner", "models list", "models verify", "models import", "doctor")
+            "train ranker", "train upright", "train matcher", "train selector", "train refiner", "models list", "models verify", "models import", "doctor")
 KEYS = {
     "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "evidence",
          "reference", "query", "timings_s", "warnings"),

@@ -206,7 +206,7 @@ void MethodRequest::Declare(CLI::App& app) {
       ->capture_default_str()->type_name("NAME");
   app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
       ->capture_default_str()->type_name("NAME|FOLDER");
-  app.add_option("--matcher", matcher, JoinNames(MatcherNames()))->capture_default_str()->type_name("NAME");
+  app.add_option("--matcher", matcher, JoinNames(MatcherNames()) + ", or the folder of a trained one")->capture_default_str()->type_name("NAME|FOLDER");
   app.add_flag("--two-way", two_way, "Estimate with the photographs swapped, too, and reconcile both; takes twice as long");
   app.add_flag_callback("--upright", [this] { options.roll = CameraRoll::kLevel; },
                         "The object stands upright and both cameras were held level: weighs the prior's hypotheses by how well they agree");

@@ -3,6 +3,7 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/progress_line.h"
+#include "antipode/training/matcher_trainer.h"
 #include "antipode/training/prior_trainer.h"
 #include "antipode/training/ranker_trainer.h"
 #include "antipode/training/upright_trainer.h"
@@ -27,6 +28,11 @@ void DeclareCache(CLI::App& app, std::filesystem::path& folder, ViewCacheOptions
 template <typename Result>
 void WriteJson(const CommonOptions& common, const Result& result) {
   common.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
+}
+
+[[noreturn]] void ThrowStopped(std::int64_t steps) {
+  throw Interrupted("training", Formatted("stopped on request after %lld steps; all is saved", static_cast<long long>(steps)),
+                    "go on with the same command and --resume");
 }
 
 class TrainPriorCommand : public Command {
@@ -94,11 +100,7 @@ class TrainPriorCommand : public Command {
                        {"minutes", result.minutes},
                        {"loss", result.loss},
                        {"interrupted", result.interrupted}});
-    if (result.interrupted) {
-      throw Interrupted("training", Formatted("stopped on request after %lld steps; all is saved",
-                                              static_cast<long long>(result.steps)),
-                        "go on with the same command and --resume");
-    }
+    if (result.interrupted) ThrowStopped(result.steps);
     if (!common_.PrintsText()) return;
     std::cout << Formatted("%lld steps in %.1f minutes, loss %.3f\n", static_cast<long long>(result.steps),
                            result.minutes, result.loss)
@@ -235,9 +237,7 @@ class TrainViewsCommand : public Command {
       line.Show(progress);
     });
     WriteJson(common_, result);
-    if (result.interrupted)
-      throw Interrupted("training", Formatted("stopped on request after %lld steps; all is saved", static_cast<long long>(result.steps)),
-                        "go on with the same command and --resume");
+    if (result.interrupted) ThrowStopped(result.steps);
     if (common_.PrintsText())
       std::cout << Formatted("%lld steps, loss %.4f\n", static_cast<long long>(result.steps), result.last_loss) << "Model: "
                 << result.model.string() << "\n";
@@ -255,6 +255,48 @@ class TrainViewsCommand : public Command {
   std::int64_t width_ = 32;
   int image_size_ = 64;
   std::string predict_ = "velocity", pose_ = "rotation";
+  CommonOptions common_;
+};
+
+class TrainMatcherCommand : public Command {
+ public:
+  std::string Name() const override { return "matcher"; }
+  std::string Summary() const override { return "LighterGlue, on views of objects from far apart"; }
+  std::string Example() const override {
+    return "  antipode train matcher --objects meshes/train --out my_matcher --minutes 90\n"
+           "  antipode pose front.jpg back.jpg --matcher my_matcher/object-lighterglue\n"
+           "Ctrl-C saves and stops; go on with the same command and --resume.";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model object-lighterglue/")->required()->type_name("DIR");
+    app.add_option("--start", options_.start, "Model that training starts from")->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
+    app.add_option("--iterations", options_.iterations, "Or a number of steps, an object each")->type_name("N");
+    app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
+    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
+    app.add_option("--points", options_.points, "Features of a picture in every pair")->capture_default_str()->type_name("N");
+    app.add_option("--variants", options_.variants, "Variants of an object: itself, then in turn stretched, retextured, joined with another")
+        ->capture_default_str()->type_name("N");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    ProgressLine line(common_.ProgressMode());
+    const MatcherTrainingResult result = TrainMatcher(options_, [&](const Progress& progress) { line.Show(progress); });
+    WriteJson(common_, result);
+    if (result.interrupted) ThrowStopped(result.steps);
+    if (common_.PrintsText())
+      std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last\n", static_cast<long long>(result.steps), result.first_loss,
+                             result.last_loss)
+                << "Model: " << result.model.string() << "\n";
+  }
+
+ private:
+  MatcherTrainingOptions options_;
   CommonOptions common_;
 };
 
@@ -333,6 +375,7 @@ class TrainCommand : public Command {
     commands.push_back(std::make_unique<TrainRankerCommand>());
     commands.push_back(std::make_unique<TrainUprightCommand>());
     commands.push_back(std::make_unique<TrainViewsCommand>());
+    commands.push_back(std::make_unique<TrainMatcherCommand>());
     for (const auto network : {TrainViewComparisonCommand::Network::kSelector, TrainViewComparisonCommand::Network::kRefiner})
       commands.push_back(std::make_unique<TrainViewComparisonCommand>(network));
     return commands;

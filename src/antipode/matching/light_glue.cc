@@ -108,14 +108,19 @@ LightGlueImpl::FeedForward LightGlueImpl::MakeFeedForward(const std::string& nam
 
 void LightGlueImpl::Prepare() {
   const torch::NoGradGuard no_gradient;
-  prepared_.clear();
+  prepared_ = PreparedLayers();
+}
+
+std::vector<LightGlueImpl::PreparedLayer> LightGlueImpl::PreparedLayers() const {
+  std::vector<PreparedLayer> prepared;
   for (const Layer& layer : layers_) {
-    prepared_.push_back({PrepareSelfProjection(layer.self_projection),
-                         {torch::cat({layer.cross_key->weight, layer.cross_value->weight}),
-                          torch::cat({layer.cross_key->bias, layer.cross_value->bias})},
-                         PrepareUpdate(layer.self_output, layer.self_update),
-                         PrepareUpdate(layer.cross_output, layer.cross_update)});
+    prepared.push_back({PrepareSelfProjection(layer.self_projection),
+                        {torch::cat({layer.cross_key->weight, layer.cross_value->weight}),
+                         torch::cat({layer.cross_key->bias, layer.cross_value->bias})},
+                        PrepareUpdate(layer.self_output, layer.self_update),
+                        PrepareUpdate(layer.cross_output, layer.cross_update)});
   }
+  return prepared;
 }
 
 /// The checkpoint interleaves query, key and value, and the two coordinates that the rotary
@@ -136,10 +141,10 @@ LightGlueImpl::Affine LightGlueImpl::PrepareSelfProjection(
 /// The output projection of the attention is linear, as is what follows it: one matrix does both.
 LightGlueImpl::Update LightGlueImpl::PrepareUpdate(const torch::nn::Linear& output,
                                                    const FeedForward& layers) {
-  const auto halves = layers.expand->weight.detach().chunk(2, 1);
+  const auto halves = layers.expand->weight.chunk(2, 1);
   const auto from_context = torch::mm(halves[1], output->weight);
   const auto bias = layers.expand->bias + torch::mv(halves[1], output->bias);
-  return {halves[0].t().contiguous(), from_context.t().contiguous(), bias.detach(), layers};
+  return {halves[0].t().contiguous(), from_context.t().contiguous(), bias, layers};
 }
 
 LightGlueMatches LightGlueImpl::Match(const LocalFeatures& reference,
@@ -194,12 +199,11 @@ torch::Tensor LightGlueImpl::Attend(const torch::Tensor& queries, const torch::T
 
 void LightGlueImpl::Apply(const Update& update, const torch::Tensor& context, Tokens& tokens) {
   auto hidden = at::addmm(update.bias, tokens.states, update.from_token);
-  hidden.addmm_(context, update.from_context);
+  hidden = at::addmm(hidden, context, update.from_context);
   const FeedForward& layers = update.layers;
   hidden = at::layer_norm(hidden, {hidden.size(1)}, layers.norm->weight, layers.norm->bias,
                           kLayerNormEpsilon);
-  at::gelu_(hidden);
-  tokens.states += Project(layers.project, hidden);
+  tokens.states = tokens.states + Project(layers.project, at::gelu(hidden));
 }
 
 void LightGlueImpl::AttendToSelf(const PreparedLayer& layer, Tokens& tokens) const {
@@ -253,28 +257,45 @@ void LightGlueImpl::DropUnmatchable(int layer, const torch::Tensor& confidence,
             tokens.sine.index_select(0, kept), tokens.features.index_select(0, kept), reference};
 }
 
+std::vector<LightGlueAssignment> LightGlueImpl::Assignments(const LocalFeatures& reference, const LocalFeatures& query) const {
+  const std::vector<PreparedLayer> prepared = PreparedLayers();
+  Tokens tokens = Embed(reference, query);
+  std::vector<LightGlueAssignment> assignments;
+  for (int i = 0; i < config_.layers; ++i) {
+    AttendToSelf(prepared[i], tokens);
+    AttendToOther(prepared[i], tokens);
+    assignments.push_back(AssignmentOf(i, tokens));
+  }
+  return assignments;
+}
+
 /// log P[i, j] = 2 s[i, j] - log sum_j exp s - log sum_i exp s + log(matchable i) + log(matchable
 /// j).
-LightGlueMatches LightGlueImpl::Assign(int layer, const Tokens& tokens) const {
+LightGlueAssignment LightGlueImpl::AssignmentOf(int layer, const Tokens& tokens) const {
   const Assignment& assignment = assignments_[layer];
-  const auto certainty =
-      at::log_sigmoid(Project(assignment.matchability, tokens.states)).squeeze(1);
+  const auto matchability = Project(assignment.matchability, tokens.states).squeeze(1).to(torch::kFloat);
+  const auto certainty = at::log_sigmoid(matchability);
   const auto projected =
       Project(assignment.projection, tokens.states) * std::pow(config_.descriptor_size, -0.25);
   const std::int64_t m = tokens.reference, n = tokens.query();
-  auto similarity = torch::mm(projected.narrow(0, 0, m), projected.narrow(0, m, n).t());
+  const auto similarity = torch::mm(projected.narrow(0, 0, m), projected.narrow(0, m, n).t()).to(torch::kFloat);
   const auto of_row = certainty.narrow(0, 0, m) - similarity.logsumexp(1);
   const auto of_column = certainty.narrow(0, m, n) - similarity.logsumexp(0);
-  auto& log_probability = similarity.mul_(2).add_(of_row.unsqueeze(1)).add_(of_column.unsqueeze(0));
+  const auto log_probability = (2 * similarity).add_(of_row.unsqueeze(1)).add_(of_column.unsqueeze(0));
+  return {log_probability, matchability.narrow(0, 0, m), matchability.narrow(0, m, n)};
+}
+
+LightGlueMatches LightGlueImpl::Assign(int layer, const Tokens& tokens) const {
+  const torch::Tensor log_probability = AssignmentOf(layer, tokens).log_probability;
   const auto [best, query] = log_probability.max(1);
   const auto reference = log_probability.argmax(0);
 
-  const auto rows = torch::arange(m, query.options());
+  const auto rows = torch::arange(tokens.reference, query.options());
   const auto scores = best.exp();
   const auto is_match =
       (reference.index_select(0, query) == rows).logical_and_(scores > config_.filter_threshold);
   const auto matched = is_match.nonzero().squeeze(1);
-  const auto partner = query.index_select(0, matched) + m;
+  const auto partner = query.index_select(0, matched) + tokens.reference;
   return {{tokens.features.index_select(0, matched), tokens.features.index_select(0, partner),
            scores.index_select(0, matched)},
           layer + 1};

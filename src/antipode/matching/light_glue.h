@@ -37,6 +37,13 @@ struct LightGlueMatches {
   int layers = 0;          ///< how many layers ran
 };
 
+/// What one layer says of every pair of points.
+struct LightGlueAssignment {
+  torch::Tensor log_probability;         ///< [M, N], that they match
+  torch::Tensor reference_matchability;  ///< [M], log odds of having a match
+  torch::Tensor query_matchability;      ///< [N]
+};
+
 /// LightGlue (Lindenberger, Sarlin and Pollefeys, "LightGlue: Local Feature Matching at Light
 /// Speed", ICCV 2023): layers of self-attention with rotary position encoding and of
 /// cross-attention between the images, then an assignment by the product of both softmaxes and of
@@ -52,6 +59,9 @@ class LightGlueImpl : public torch::nn::Module {
   /// @param reference,query with descriptors of `input_size`; on the device of the parameters
   /// @throws Error if `Prepare` was not called, or descriptors have another size
   LightGlueMatches Match(const LocalFeatures& reference, const LocalFeatures& query) const;
+
+  /// For training: of every layer, without leaving out points; gradients reach the parameters, and `Prepare` is not needed.
+  std::vector<LightGlueAssignment> Assignments(const LocalFeatures& reference, const LocalFeatures& query) const;
 
  private:
   struct FeedForward {
@@ -85,6 +95,7 @@ class LightGlueImpl : public torch::nn::Module {
   torch::nn::Linear MakeLinear(const std::string& name, int in_size, int out_size,
                                bool with_bias = true);
   FeedForward MakeFeedForward(const std::string& name);
+  std::vector<PreparedLayer> PreparedLayers() const;
   Affine PrepareSelfProjection(const torch::nn::Linear& projection) const;
   static Update PrepareUpdate(const torch::nn::Linear& output, const FeedForward& layers);
   static void Apply(const Update& update, const torch::Tensor& context, Tokens& tokens);
@@ -96,6 +107,7 @@ class LightGlueImpl : public torch::nn::Module {
                        const torch::Tensor& values) const;
   float SureFrom(int layer) const;
   void DropUnmatchable(int layer, const torch::Tensor& confidence, Tokens& tokens) const;
+  LightGlueAssignment AssignmentOf(int layer, const Tokens& tokens) const;
   LightGlueMatches Assign(int layer, const Tokens& tokens) const;
 
   LightGlueConfig config_;

@@ -81,6 +81,29 @@ TEST(LightGlue, StopsEarlyAsThePythonPackage) {
   EXPECT_EQ(result.layers, 3);
 }
 
+TEST(LightGlue, AssignmentsOfTheLastLayerAreThoseOfTheMatches) {
+  const LightGlue network = SyntheticLightGlue(kSmall);
+  const LocalFeatures a = SyntheticFeatures("input.a", 60, 64), b = SyntheticFeatures("input.b", 50, 64);
+  const FeatureMatches matches = network->Match(a, b).matches;
+  const std::vector<LightGlueAssignment> assignments = network->Assignments(a, b);
+  ASSERT_EQ(assignments.size(), 6U);
+  const torch::Tensor probability = assignments.back().log_probability.detach().exp();
+  ExpectNear(probability.index({matches.reference, matches.query}), matches.scores, 1e-3);
+}
+
+TEST(LightGlue, GradientsReachEveryParameterOfAnAssignment) {
+  LightGlue network = SyntheticLightGlue(kSmall);
+  torch::Tensor sum = torch::zeros({});
+  for (const LightGlueAssignment& assignment : network->Assignments(SyntheticFeatures("input.a", 60, 64), SyntheticFeatures("input.b", 50, 64)))
+    sum = sum + assignment.log_probability.mean();
+  sum.backward();
+  for (const auto& parameter : network->named_parameters()) {
+    if (parameter.key().starts_with("token_confidence")) continue;  // says only when to stop
+    ASSERT_TRUE(parameter.value().grad().defined()) << parameter.key();
+    EXPECT_GT(parameter.value().grad().abs().sum().item<double>(), 0) << parameter.key();
+  }
+}
+
 TEST(LightGlue, SwappingTheImagesSwapsTheMatches) {
   const LightGlue network = SyntheticLightGlue(kSmall);
   const LocalFeatures a = SyntheticFeatures("input.a", 60, 64),

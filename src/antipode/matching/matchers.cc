@@ -1,5 +1,6 @@
 #include "antipode/matching/matchers.h"
 
+#include <filesystem>
 #include <functional>
 
 #include "antipode/matching/aliked_matcher.h"
@@ -18,6 +19,10 @@ using Maker = std::function<std::unique_ptr<Matcher>(torch::Device)>;
 
 std::unique_ptr<Matcher> MakeXFeat(XFeatDensity density, torch::Device device) {
   return std::make_unique<XFeatMatcher>(XFeatMatcher::Load(kXFeatLighterGlueModel, density, {}, device));
+}
+
+std::unique_ptr<Matcher> MakeLighterGlue(const std::string& model, torch::Device device) {
+  return std::make_unique<XFeatLighterGlueMatcher>(XFeatLighterGlueMatcher::Load(model, {}, device));
 }
 
 /// A model that does not ship has a better remedy than a list of the known ones.
@@ -40,10 +45,8 @@ std::unique_ptr<Matcher> MakeLoftr(torch::Device device) {
 
 const std::vector<std::pair<std::string, Maker>>& Table() {
   static const std::vector<std::pair<std::string, Maker>> kTable{
-      {"xfeat-lighterglue",
-       [](torch::Device device) {
-         return std::make_unique<XFeatLighterGlueMatcher>(XFeatLighterGlueMatcher::Load(kXFeatLighterGlueModel, {}, device));
-       }},
+      {kXFeatLighterGlueModel, [](torch::Device device) { return MakeLighterGlue(kXFeatLighterGlueModel, device); }},
+      {kObjectLighterGlueModel, [](torch::Device device) { return MakeLighterGlue(kObjectLighterGlueModel, device); }},
       {"xfeat", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSparse, device); }},
       {"xfeat-star", [](torch::Device device) { return MakeXFeat(XFeatDensity::kSemiDense, device); }},
       {"aliked-lightglue", [](torch::Device device) { return MakeAliked(AlikedVariant::kN16, device); }},
@@ -65,6 +68,7 @@ std::vector<std::string> MatcherNames() {
 std::unique_ptr<Matcher> MakeMatcher(const std::string& name, torch::Device device) {
   for (const auto& [known, make] : Table())
     if (known == name) return make(device);
+  if (std::filesystem::is_directory(name)) return MakeLighterGlue(name, device);
   const std::string nearest = NearestName(name, MatcherNames());
   throw InvalidOption("matcher", Quoted(name) + " is unknown", nearest.empty() ? "see --help" : "did you mean " + nearest + "?");
 }

@@ -11,8 +11,6 @@
 namespace antipode {
 namespace {
 
-constexpr char kXFeatPrefix[] = "xfeat.";
-constexpr char kLighterGluePrefix[] = "matcher.";
 /// A refinement is trusted if one pixel of the cell gets more than this probability.
 constexpr double kMinRefinementConfidence = 0.25;
 constexpr double kRefinementSharpness = 3;
@@ -101,14 +99,14 @@ Correspondences XFeatMatcher::MatchSemiDense(const cv::Mat& reference, const cv:
 XFeatLighterGlueMatcher::XFeatLighterGlueMatcher(XFeat xfeat, LightGlue lighter_glue)
     : xfeat_(std::move(xfeat)), lighter_glue_(std::move(lighter_glue)) {}
 
-XFeatLighterGlueMatcher XFeatLighterGlueMatcher::Load(const std::string& model_or_folder,
+XFeatLighterGlueMatcher XFeatLighterGlueMatcher::Load(const std::string& lighter_glue,
                                                       const XFeatOptions& options,
                                                       torch::Device device) {
-  const TensorFile file = LoadModel(model_or_folder);
-  const LightGlue lighter_glue =
-      LoadLightGlue(LightGlueConfig::LighterGlue(), WithoutPrefix(file, kLighterGluePrefix),
-                    model_or_folder, device);
-  return {LoadXFeat(file, model_or_folder, options, device), lighter_glue};
+  const TensorFile file = LoadModel(lighter_glue);
+  const TensorFile published = WithoutPrefix(file, kXFeatPrefix).tensors.empty() ? LoadModel(kXFeatLighterGlueModel) : TensorFile();
+  const bool is_whole = published.tensors.empty();
+  return {LoadXFeat(is_whole ? file : published, is_whole ? lighter_glue : kXFeatLighterGlueModel, options, device),
+          LoadLightGlue(LightGlueConfig::LighterGlue(), WithoutPrefix(file, kLighterGluePrefix), lighter_glue, device)};
 }
 
 Correspondences XFeatLighterGlueMatcher::Match(const cv::Mat& reference,

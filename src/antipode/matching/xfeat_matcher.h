@@ -10,6 +10,11 @@ namespace antipode {
 
 /// The model that holds the weights of XFeat and of LighterGlue.
 inline constexpr char kXFeatLighterGlueModel[] = "xfeat-lighterglue";
+/// What comes before the names of their tensors there.
+inline constexpr char kXFeatPrefix[] = "xfeat.";
+inline constexpr char kLighterGluePrefix[] = "matcher.";
+/// The model that holds the weights of a LighterGlue trained on views of objects, to be used with the same XFeat.
+inline constexpr char kObjectLighterGlueModel[] = "object-lighterglue";
 
 /// A model of XFeat (float32) and LighterGlue (float16) out of the published checkpoints.
 /// @param xfeat `xfeat.pt`
@@ -53,8 +58,8 @@ class XFeatLighterGlueMatcher : public Matcher {
   /// @param lighter_glue of `LightGlueConfig::LighterGlue()`, prepared
   XFeatLighterGlueMatcher(XFeat xfeat, LightGlue lighter_glue);
 
-  /// @param model_or_folder a model as `kXFeatLighterGlueModel`
-  static XFeatLighterGlueMatcher Load(const std::string& model_or_folder = kXFeatLighterGlueModel,
+  /// @param lighter_glue a model as `kXFeatLighterGlueModel` or as `kObjectLighterGlueModel`
+  static XFeatLighterGlueMatcher Load(const std::string& lighter_glue = kXFeatLighterGlueModel,
                                       const XFeatOptions& options = {},
                                       torch::Device device = torch::kCPU);
 

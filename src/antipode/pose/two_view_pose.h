@@ -39,7 +39,8 @@ struct TwoViewPose {
   std::vector<PoseHypothesis> hypotheses;  ///< best first; probabilities sum to at most 1
   ObjectView reference, query;             ///< the object-centric crops that were compared
   std::map<std::string, double> timings_s; ///< "crop", "encode", "compare", "match", "weigh", "rematch"
-  /// What speaks for the pose. With matching: "matches", "inliers"; with matching alone: "rotation_deviation_deg",
+  /// What speaks for the pose. With matching: "matches" and "inliers", those that agree on a pose among themselves, which
+  /// with the prior need not be this one; with matching alone: "rotation_deviation_deg",
   /// "translation_disagreement_deg", see MatchingEvidence; with prior and matching: "share", "support", "prior_mass", see
   /// JointHypothesis, and "prior_confidence", that of the prior alone.
   std::map<std::string, double> evidence;

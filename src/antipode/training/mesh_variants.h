@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <random>
 
 #include "antipode/render/mesh.h"
@@ -19,5 +20,9 @@ Mesh RandomlyRetextured(const Mesh& mesh, const Mesh& donor, std::mt19937_64& ra
 /// `mesh` joined with `other`, which is scaled by 0.4 to 0.9, turned about the up axis and moved by up to the
 /// sum of both radii, so that the parts touch or overlap; then Normalize()d.
 Mesh RandomlyJoined(const Mesh& mesh, const Mesh& other, std::mt19937_64& random);
+
+/// Kinds of variants, in turn: 0 the object itself; then stretched, stretched and retextured, stretched and joined, and so on.
+/// @param other file of the donor
+Mesh RandomVariant(int kind, const Mesh& mesh, const std::filesystem::path& other, double greatest_stretch, std::mt19937_64& random);
 
 }  // namespace antipode

@@ -58,14 +58,6 @@ Viewpoint RandomViewpoint(std::mt19937_64& random, const ViewCacheOptions& optio
   return viewpoint;
 }
 
-RenderOptions RandomLight(std::mt19937_64& random) {
-  RenderOptions options;
-  options.ambient = static_cast<float>(UniformIn(random, 0.35, 0.9));
-  options.light_in_camera = Eigen::Vector3d(UniformIn(random, -1, 1), UniformIn(random, -1, 0.4),
-                                            UniformIn(random, -1, -0.2)).cast<float>();
-  return options;
-}
-
 CachedView RenderView(const Renderer& renderer, std::mt19937_64& random, const ViewCacheOptions& options) {
   const Viewpoint viewpoint = RandomViewpoint(random, options);
   const RenderOptions light = RandomLight(random);
@@ -85,18 +77,6 @@ CachedView RenderView(const Renderer& renderer, std::mt19937_64& random, const V
   return view;
 }
 
-/// Kinds of variants, in turn; the first is the object itself.
-Mesh MakeVariant(int variant, const Mesh& mesh, const fs::path& other, const ViewCacheOptions& options,
-                 std::mt19937_64& random) {
-  if (variant == 0) return mesh;
-  const Mesh stretched = RandomlyStretched(mesh, options.stretch, random);
-  switch ((variant - 1) % 3) {
-    case 0: return stretched;
-    case 1: return RandomlyRetextured(stretched, LoadMesh(other), random);
-    default: return RandomlyJoined(stretched, LoadMesh(other), random);
-  }
-}
-
 /// All views of one object in the order of the cache: variants outside, views inside.
 std::vector<CachedView> RenderObject(const std::vector<fs::path>& meshes, std::size_t object,
                                      const ViewCacheOptions& options) {
@@ -105,7 +85,7 @@ std::vector<CachedView> RenderObject(const std::vector<fs::path>& meshes, std::s
   std::vector<CachedView> views;
   for (int variant = 0; variant < options.variants; ++variant) {
     const fs::path& other = meshes[UniformIndex(random, meshes.size())];
-    const Renderer renderer(MakeVariant(variant, mesh, other, options, random));
+    const Renderer renderer(RandomVariant(variant, mesh, other, options.stretch, random));
     for (int i = 0; i < options.views_per_object; ++i) views.push_back(RenderView(renderer, random, options));
   }
   return views;
@@ -191,6 +171,14 @@ void RenderCache(const fs::path& folder, const std::vector<fs::path>& meshes,
 }
 
 }  // namespace
+
+RenderOptions RandomLight(std::mt19937_64& random) {
+  RenderOptions options;
+  options.ambient = static_cast<float>(UniformIn(random, 0.35, 0.9));
+  options.light_in_camera = Eigen::Vector3d(UniformIn(random, -1, 1), UniformIn(random, -1, 0.4),
+                                            UniformIn(random, -1, -0.2)).cast<float>();
+  return options;
+}
 
 void ViewCacheOptions::Check() const {
   if (views_per_object < 2) throw InvalidOption("views", "leaves no pair", "use at least 2");

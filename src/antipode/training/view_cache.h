@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <random>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 
+#include "antipode/render/renderer.h"
 #include "antipode/util/memory_map.h"
 #include "antipode/util/progress.h"
 
@@ -26,6 +28,9 @@ struct ViewCacheOptions {
   int threads = 2;
   void Check() const;
 };
+
+/// From the front, mostly from above; between nearly shadowless and harsh.
+RenderOptions RandomLight(std::mt19937_64& random);
 
 /// Object-centric renderings of many objects on disk, mapped into memory: the food of the trainers.
 ///
