@@ -9,7 +9,6 @@
 #include "antipode/evaluation/baselines.h"
 #include "antipode/image/load.h"
 #include "antipode/matching/matchers.h"
-#include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/device.h"
 #include "antipode/pose/object_pose.h"
 #include "antipode/pose/two_way.h"
@@ -49,7 +48,7 @@ PoseMethod MatchingMethod(const std::string& matcher_name, const MethodRequest& 
 }
 
 PoseMethod AutoMethod(const MethodRequest& request) {
-  auto matcher = std::async(std::launch::async, [&] { return LoadMatcher(request.MatcherFor("auto"), request); });
+  auto matcher = std::async(std::launch::async, [&] { return LoadMatcher(request.matcher, request); });
   const auto prior = LoadPrior(request);
   return OnPhotographs("auto", [prior, matcher = matcher.get(), options = request.options](const auto& reference, const auto& query) {
     return EstimatePoseByBoth(*prior, *matcher, reference, query, options);
@@ -132,7 +131,7 @@ class DiffusionRoute {
 };
 
 PoseMethod DiffusionMethod(const MethodRequest& request) {
-  auto route = std::make_shared<DiffusionRoute>(request, LoadMatcher(request.MatcherFor("diffusion"), request));
+  auto route = std::make_shared<DiffusionRoute>(request, LoadMatcher(request.matcher, request));
   return {"diffusion", [route](const PairToEstimate& pair) { return route->Estimate(pair); }};
 }
 
@@ -188,7 +187,7 @@ PoseMethod LoadOneWay(const MethodRequest& request) {
   if (name == "auto") return AutoMethod(request);
   if (name == "prior") return PriorMethod(request);
   if (name == "diffusion") return DiffusionMethod(request);
-  if (name == "matching") return MatchingMethod(request.MatcherFor(name), request);
+  if (name == "matching") return MatchingMethod(request.matcher, request);
   if (IsMatcher(name)) return MatchingMethod(name, request);
   if (name.starts_with(kPredictions)) return Predictions(name.substr(kPredictions.size()));
   for (const auto& [suffix, solver] : {std::pair{kPnp, DepthSolver::kPnp}, {kProcrustes, DepthSolver::kProcrustes}}) {
@@ -200,11 +199,6 @@ PoseMethod LoadOneWay(const MethodRequest& request) {
 
 }  // namespace
 
-std::string MethodRequest::MatcherFor(const std::string& of_method) const {
-  if (!matcher.empty()) return matcher;
-  return of_method == "auto" ? kObjectLighterGlueModel : kXFeatLighterGlueModel;
-}
-
 void MethodRequest::Declare(CLI::App& app) {
   app.add_option("--method", method,
                  "auto: prior and matching together; prior: what the object looks like from all sides; matching: "
@@ -212,9 +206,7 @@ void MethodRequest::Declare(CLI::App& app) {
       ->capture_default_str()->type_name("NAME");
   app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
       ->capture_default_str()->type_name("NAME|FOLDER");
-  app.add_option("--matcher", matcher, JoinNames(MatcherNames()) + ", or the folder of a trained one; without: " + MatcherFor("auto") +
-                                           " with auto, " + MatcherFor("matching") + " otherwise")
-      ->type_name("NAME|FOLDER");
+  app.add_option("--matcher", matcher, JoinNames(MatcherNames()) + ", or the folder of a trained one")->capture_default_str()->type_name("NAME|FOLDER");
   app.add_flag("--two-way", two_way, "Estimate with the photographs swapped, too, and reconcile both; takes twice as long");
   app.add_flag_callback("--upright", [this] { options.roll = CameraRoll::kLevel; },
                         "The object stands upright and both cameras were held level: weighs the prior's hypotheses by how well they agree");

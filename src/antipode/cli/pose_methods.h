@@ -16,7 +16,7 @@ namespace antipode {
 struct MethodRequest {
   std::string method = "auto";
   std::string model = "prior";                 ///< of the prior: a name or a folder
-  std::string matcher = "";                    ///< a name or a folder; empty: the one that the method does best with
+  std::string matcher = "xfeat-lighterglue";
   std::string device = "auto";
   TwoViewPoseOptions options;
   bool two_way = false;                ///< also with the photographs swapped, see Reconcile
@@ -28,10 +28,6 @@ struct MethodRequest {
 
   /// Declares --method, --model, --matcher, --two-way and the options of the synthesis.
   void Declare(CLI::App& app);
-
-  /// The one asked for; without: of LighterGlue the weights trained on objects for "auto", which also knows the prior, and the
-  /// published ones for the other methods.
-  std::string MatcherFor(const std::string& of_method) const;
 };
 
 /// Loads what the method needs; the result keeps the models alive and may be called from one thread at a time.
