@@ -207,6 +207,63 @@ InputFile ZipArchive::Extract(const std::string& name) const {
   return InputFile(descriptor, subject_ + ": " + Quoted(name));
 }
 
+namespace {
+
+[[noreturn]] void ThrowNotMade(const char* reason) {
+  throw Error("zip archive", std::string("cannot be made (") + reason + ")");
+}
+
+void AddEntry(zip* archive, const ZipEntry& entry) {
+  constexpr zip_uint16_t kFirstOfJanuary1980 = 1 << 5 | 1;
+  constexpr zip_uint32_t kBestCompression = 9;
+  zip_source_t* source = zip_source_buffer(archive, entry.bytes.data(), entry.bytes.size(), 0);
+  if (!source) ThrowNotMade(zip_strerror(archive));
+  const zip_int64_t index = zip_file_add(archive, entry.name.c_str(), source, ZIP_FL_ENC_UTF_8);
+  if (index < 0) {
+    zip_source_free(source);
+    ThrowNotMade(zip_strerror(archive));
+  }
+  const auto place = static_cast<zip_uint64_t>(index);
+  const bool is_deflated = entry.compression == ZipCompression::kDeflate;
+  const zip_int32_t method = is_deflated ? ZIP_CM_DEFLATE : ZIP_CM_STORE;
+  if (zip_set_file_compression(archive, place, method, is_deflated ? kBestCompression : 0) != 0 ||
+      zip_file_set_dostime(archive, place, 0, kFirstOfJanuary1980, 0) != 0) {
+    ThrowNotMade(zip_strerror(archive));
+  }
+}
+
+std::string ContentOf(zip_source_t* source) {
+  zip_stat_t information;
+  if (zip_source_stat(source, &information) != 0 || !(information.valid & ZIP_STAT_SIZE) ||
+      zip_source_open(source) != 0) {
+    ThrowNotMade(zip_error_strerror(zip_source_error(source)));
+  }
+  std::string content(information.size, '\0');
+  const zip_int64_t count = zip_source_read(source, content.data(), content.size());
+  zip_source_close(source);
+  if (count != static_cast<zip_int64_t>(content.size())) ThrowNotMade("it ends too early");
+  return content;
+}
+
+}  // namespace
+
+std::string MakeZipArchive(std::span<const ZipEntry> entries) {
+  if (entries.empty()) ThrowNotMade("it would hold no file");
+  zip_error_t error;
+  zip_error_init(&error);
+  const std::unique_ptr<zip_source_t, void (*)(zip_source_t*)> target(
+      zip_source_buffer_create(nullptr, 0, 0, &error), zip_source_free);
+  if (!target) ThrowNotMade(zip_error_strerror(&error));
+  std::unique_ptr<zip, void (*)(zip*)> archive(
+      zip_open_from_source(target.get(), ZIP_CREATE | ZIP_TRUNCATE, &error), CloseArchive);
+  if (!archive) ThrowNotMade(zip_error_strerror(&error));
+  zip_source_keep(target.get());  // the archive, too, frees its source
+  for (const ZipEntry& entry : entries) AddEntry(archive.get(), entry);
+  if (zip_close(archive.get()) != 0) ThrowNotMade(zip_strerror(archive.get()));
+  static_cast<void>(archive.release());
+  return ContentOf(target.get());
+}
+
 std::uint64_t UnpackedLimit(std::uint64_t file_bytes) {
   constexpr std::uint64_t kAlwaysAllowed = 64 << 20;
   return kAlwaysAllowed + 8 * file_bytes;

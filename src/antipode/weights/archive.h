@@ -69,6 +69,18 @@ class ZipArchive {
   std::map<std::string, Entry> entries_;
 };
 
+enum class ZipCompression { kNone, kDeflate };
+
+struct ZipEntry {
+  std::string name;
+  std::span<const std::byte> bytes;
+  ZipCompression compression = ZipCompression::kDeflate;
+};
+
+/// A zip archive of these files, all dated 1980-01-01: the same entries give the same bytes.
+/// @throws Error if there are none, or two have the same name
+std::string MakeZipArchive(std::span<const ZipEntry> entries);
+
 /// How much may be unpacked from, or copied out of, a file of `file_bytes`: weights hardly
 /// compress.
 std::uint64_t UnpackedLimit(std::uint64_t file_bytes);
