@@ -8,7 +8,7 @@ import re
 import sys
 
 LAYERS = (
-    "util geometry image object render weights nn matching prior zero123 gen6d synthesis orientation "
+    "util geometry image object weights render nn matching prior zero123 gen6d synthesis orientation "
     "pose posegraph evaluation training report cli"
 ).split()
 RANK = {folder: rank for rank, folder in enumerate(LAYERS)}
