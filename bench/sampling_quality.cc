@@ -17,7 +17,6 @@
 #include "antipode/synthesis/view_guide.h"
 #include "antipode/training/augmentation.h"
 #include "antipode/training/views_trainer.h"
-#include "antipode/util/files.h"
 #include "antipode/util/stopwatch.h"
 #include "antipode/util/temporary_folder.h"
 #include "antipode/weights/registry.h"
@@ -81,8 +80,7 @@ std::vector<Example> Render(const std::filesystem::path& meshes, const ViewDiffu
   options.views_per_object = views + 1;
   options.variants = 1;
   options.wide_share = 0;
-  const std::vector<std::filesystem::path> files = FilesWithExtension(meshes, ".glb");
-  const ViewCache cache = ViewCache::OpenOrRender(folder.path() / "cache", files, options, {});
+  const ViewCache cache = ViewCache::OpenOrRender(folder.path() / "cache", MeshCollection::Open(meshes), options, {});
   const auto plain = [&](int group, int view, int size) {
     std::mt19937_64 random(1);
     const AugmentationOptions none{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0};

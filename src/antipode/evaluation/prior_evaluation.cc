@@ -8,6 +8,7 @@
 
 #include "antipode/evaluation/object_protocol.h"
 #include "antipode/geometry/rotation.h"
+#include "antipode/render/mesh_collection.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/weights/registry.h"
@@ -148,11 +149,12 @@ CodedPairs EncodePairs(const ObjectPrior& prior, const std::filesystem::path& ob
   protocol.in_plane_rotation_deg = in_plane_rotation_deg;
   CodedPairs pairs;
   torch::Tensor reference_before;
-  for (const auto& file : FilesWithExtension(objects, ".glb")) {
+  const MeshCollection meshes = MeshCollection::Open(objects);
+  for (std::size_t object = 0; object < meshes.size(); ++object) {
+    const std::string name = std::filesystem::path(meshes.Name(object)).stem().string();
     std::vector<ObjectView> crops;
     std::vector<Eigen::Matrix3d> rotations;
-    for (const ProtocolView& view :
-         RenderProtocolViews(Renderer(LoadMesh(file)), file.stem().string(), protocol)) {
+    for (const ProtocolView& view : RenderProtocolViews(Renderer(meshes.Load(object)), name, protocol)) {
       crops.push_back(MakeObjectView(view.rendering.image, view.rendering.mask, view.camera,
                                      prior.ViewOptions()));
       rotations.push_back(crops.back().crop_from_camera * view.camera_from_object.rotation);

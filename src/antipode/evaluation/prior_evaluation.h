@@ -22,7 +22,7 @@ struct CodedPairs {
   void Append(CodedPairs more);
 };
 
-/// The pairs of a folder of meshes by the protocol of object_protocol.h, every camera rolled by up to
+/// The pairs of a folder or pack of meshes (MeshCollection) by the protocol of object_protocol.h, every camera rolled by up to
 /// `in_plane_rotation_deg`; and the reference view of each object with the queries of the next one.
 CodedPairs EncodePairs(const ObjectPrior& prior, const std::filesystem::path& objects, double in_plane_rotation_deg);
 

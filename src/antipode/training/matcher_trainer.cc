@@ -11,12 +11,12 @@
 #include "antipode/nn/module_weights.h"
 #include "antipode/nn/parts.h"
 #include "antipode/nn/precision.h"
+#include "antipode/render/mesh_collection.h"
 #include "antipode/training/learning_rate.h"
 #include "antipode/training/loss_average.h"
 #include "antipode/training/mesh_variants.h"
 #include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
@@ -40,10 +40,8 @@ constexpr double kWeightOfEarlierLayers = 0.1;
 class PairLoader {
  public:
   PairLoader(const MatcherTrainingOptions& options, const TensorFile& weights)
-      : options_(options), meshes_(FilesWithExtension(options.objects, ".glb")),
-        features_(WithoutPrefix(weights, kXFeatPrefix), options.start, {.top_k = options.features}) {
-    if (meshes_.empty()) throw BadFile(options.objects.string(), "holds no .glb files");
-  }
+      : options_(options), meshes_(MeshCollection::Open(options.objects)),
+        features_(WithoutPrefix(weights, kXFeatPrefix), options.start, {.top_k = options.features}) {}
 
   std::vector<SurfacePair> Get(std::int64_t step) {
     for (std::int64_t next = step + static_cast<std::int64_t>(ahead_.size()); next <= step + kStepsAhead; ++next)
@@ -56,15 +54,16 @@ class PairLoader {
  private:
   std::vector<SurfacePair> Make(std::int64_t step) const {
     std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(step)));
-    Mesh mesh = LoadMesh(meshes_[UniformIndex(random, meshes_.size())]);
+    Mesh mesh = meshes_.Load(UniformIndex(random, meshes_.size()));
     mesh.Normalize();
-    const fs::path& donor = meshes_[UniformIndex(random, meshes_.size())];
+    const std::size_t donor = UniformIndex(random, meshes_.size());
     const int kind = static_cast<int>(UniformIndex(random, static_cast<std::size_t>(options_.variants)));
-    return RenderMatchingPairs(features_, RandomVariant(kind, mesh, donor, options_.stretch, random), options_.pairs, random);
+    const auto load_donor = [&] { return meshes_.Load(donor); };
+    return RenderMatchingPairs(features_, RandomVariant(kind, mesh, load_donor, options_.stretch, random), options_.pairs, random);
   }
 
   const MatcherTrainingOptions& options_;
-  std::vector<fs::path> meshes_;
+  MeshCollection meshes_;
   XFeat features_;
   std::deque<std::future<std::vector<SurfacePair>>> ahead_;
 };

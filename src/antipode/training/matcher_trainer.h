@@ -9,7 +9,7 @@
 namespace antipode {
 
 struct MatcherTrainingOptions {
-  std::filesystem::path objects;  ///< folder of .glb files
+  std::filesystem::path objects;  ///< folder or pack of .glb files
   std::filesystem::path out;      ///< folder for checkpoint.safetensors, log.csv and the model
   std::string start = "xfeat-lighterglue";  ///< the model that training starts from
   double minutes = 90;            ///< time budget, counted over all resumed runs

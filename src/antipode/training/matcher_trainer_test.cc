@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "antipode/matching/xfeat_matcher.h"
+#include "antipode/render/mesh_collection.h"
+#include "antipode/render/mesh_pack.h"
 #include "antipode/training/test_objects.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -49,6 +51,16 @@ TEST(TrainMatcher, SameSeedGivesTheSameModel) {
   const TemporaryFolder one, other;
   const auto a = TrainMatcher(TinyTraining(one.path())), b = TrainMatcher(TinyTraining(other.path()));
   EXPECT_TRUE(HaveTheSameWeights(LoadModel(a.model.string()), LoadModel(b.model.string())));
+}
+
+TEST(TrainMatcher, TakesAPackInPlaceOfAFolder) {
+  const TemporaryFolder temporary;
+  MatcherTrainingOptions options = TinyTraining(temporary.path());
+  const std::filesystem::path pack = temporary.path() / "objects.pack";
+  PackMeshes(MeshCollection::Open(options.objects), pack, {}, {});
+  options.objects = pack;
+  options.iterations = 1;
+  EXPECT_EQ(TrainMatcher(options).steps, 1);
 }
 
 TEST(TrainMatcher, RefusesWhatCannotWork) {

@@ -112,13 +112,13 @@ Mesh RandomlyJoined(const Mesh& mesh, const Mesh& other, std::mt19937_64& random
   return joined;
 }
 
-Mesh RandomVariant(int kind, const Mesh& mesh, const std::filesystem::path& other, double greatest_stretch, std::mt19937_64& random) {
+Mesh RandomVariant(int kind, const Mesh& mesh, const std::function<Mesh()>& load_donor, double greatest_stretch, std::mt19937_64& random) {
   if (kind == 0) return mesh;
   const Mesh stretched = RandomlyStretched(mesh, greatest_stretch, random);
   switch ((kind - 1) % 3) {
     case 0: return stretched;
-    case 1: return RandomlyRetextured(stretched, LoadMesh(other), random);
-    default: return RandomlyJoined(stretched, LoadMesh(other), random);
+    case 1: return RandomlyRetextured(stretched, load_donor(), random);
+    default: return RandomlyJoined(stretched, load_donor(), random);
   }
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <filesystem>
+#include <functional>
 #include <random>
 
 #include "antipode/render/mesh.h"
@@ -22,7 +22,7 @@ Mesh RandomlyRetextured(const Mesh& mesh, const Mesh& donor, std::mt19937_64& ra
 Mesh RandomlyJoined(const Mesh& mesh, const Mesh& other, std::mt19937_64& random);
 
 /// Kinds of variants, in turn: 0 the object itself; then stretched, stretched and retextured, stretched and joined, and so on.
-/// @param other file of the donor
-Mesh RandomVariant(int kind, const Mesh& mesh, const std::filesystem::path& other, double greatest_stretch, std::mt19937_64& random);
+/// @param load_donor called only for the kinds that need another object
+Mesh RandomVariant(int kind, const Mesh& mesh, const std::function<Mesh()>& load_donor, double greatest_stretch, std::mt19937_64& random);
 
 }  // namespace antipode

@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "antipode/geometry/look_at.h"
 #include "antipode/geometry/rotation.h"
+#include "antipode/render/mesh_collection.h"
 #include "antipode/render/renderer.h"
 #include "antipode/synthesis/mesh_synthesizer.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/util/seeds.h"
 
 namespace antipode {
@@ -37,9 +38,8 @@ QueryGroup RandomGroup(const Renderer& renderer, const PosedObjectOptions& optio
   return group;
 }
 
-PosedObject RenderPosedObject(const std::filesystem::path& file, const PosedObjectOptions& options, std::mt19937_64& random) {
+PosedObject RenderPosedObject(Mesh mesh, const PosedObjectOptions& options, std::mt19937_64& random) {
   PosedObject object;
-  Mesh mesh = LoadMesh(file);
   MeshSynthesisOptions synthesis;
   synthesis.size = options.image_size;
   MeshSynthesizer(mesh, synthesis).Synthesize(RequestViewsAllAround(options.views, 0), [&](const SynthesizedView& view) {
@@ -61,19 +61,20 @@ void PosedObjectOptions::Check() const {
   if (!(greatest_roll_deg >= 0 && greatest_roll_deg <= 90)) throw InvalidOption("greatest_roll", "must be 0 to 90 degrees");
 }
 
-std::vector<PosedObject> RenderPosedObjects(const std::filesystem::path& folder, const PosedObjectOptions& options,
+std::vector<PosedObject> RenderPosedObjects(const std::filesystem::path& meshes, const PosedObjectOptions& options,
                                             const ProgressCallback& progress) {
   options.Check();
-  std::vector<std::filesystem::path> files = FilesWithExtension(folder, ".glb");
-  if (files.empty()) throw BadFile(folder.string(), "holds no .glb files");
+  const MeshCollection collection = MeshCollection::Open(meshes);
+  std::vector<std::size_t> order(collection.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
   std::mt19937_64 random(options.seed);
-  std::ranges::shuffle(files, random);
-  if (options.most_objects > 0) files.resize(std::min(files.size(), static_cast<std::size_t>(options.most_objects)));
+  std::ranges::shuffle(order, random);
+  if (options.most_objects > 0) order.resize(std::min(order.size(), static_cast<std::size_t>(options.most_objects)));
   std::vector<PosedObject> objects;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (progress) progress({"rendering objects", static_cast<std::int64_t>(i), static_cast<std::int64_t>(files.size()), {}});
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    if (progress) progress({"rendering objects", static_cast<std::int64_t>(i), static_cast<std::int64_t>(order.size()), {}});
     std::mt19937_64 own(CombineSeeds(options.seed, i));
-    objects.push_back(RenderPosedObject(files[i], options, own));
+    objects.push_back(RenderPosedObject(collection.Load(order[i]), options, own));
   }
   return objects;
 }

@@ -16,7 +16,7 @@ struct PosedObjectOptions {
   double greatest_error_deg = 30;  ///< of a group's coarse pose
   int image_size = 160;    ///< pixels
   double greatest_roll_deg = 45;
-  int most_objects = 0;    ///< 0: all of the folder
+  int most_objects = 0;    ///< 0: all
   std::uint64_t seed = 1;
   void Check() const;
 };
@@ -34,9 +34,9 @@ struct PosedObject {
   std::vector<QueryGroup> groups;
 };
 
-/// Renders the objects of a folder.
+/// Renders the objects of a folder or pack (MeshCollection).
 /// @throws Error if there is none
-std::vector<PosedObject> RenderPosedObjects(const std::filesystem::path& folder, const PosedObjectOptions& options,
+std::vector<PosedObject> RenderPosedObjects(const std::filesystem::path& meshes, const PosedObjectOptions& options,
                                             const ProgressCallback& progress = {});
 
 }  // namespace antipode

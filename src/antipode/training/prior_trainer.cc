@@ -23,7 +23,6 @@
 #include "antipode/training/learning_rate.h"
 #include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
 #include "antipode/weights/registry.h"
@@ -397,7 +396,7 @@ PriorTrainingResult TrainPrior(const PriorTrainingOptions& options, StartFrom st
   const TensorFile backbone = start == StartFrom::kBackbone ? LoadBackboneModel() : TensorFile();
   fs::create_directories(options.out);
   const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
-  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), views, progress);
+  const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), views, progress);
   Trainer trainer(options, cache, progress);
   switch (start) {
     case StartFrom::kScratch: trainer.Prepare(); break;

@@ -13,8 +13,8 @@
 namespace antipode {
 
 struct PriorTrainingOptions {
-  std::filesystem::path objects;             ///< folder of .glb files to train on
-  std::filesystem::path validation_objects;  ///< folder to measure on; may be empty
+  std::filesystem::path objects;             ///< folder or pack of .glb files to train on (MeshCollection)
+  std::filesystem::path validation_objects;  ///< folder or pack to measure on; may be empty
   std::filesystem::path out;                 ///< checkpoint, log, model
   std::filesystem::path cache;               ///< rendered views; empty: `out / "cache"`
 

@@ -5,6 +5,7 @@
 
 #include "antipode/geometry/rotation.h"
 #include "antipode/prior/object_prior.h"
+#include "antipode/render/mesh_pack.h"
 #include "antipode/training/batch_loader.h"
 #include "antipode/training/test_objects.h"
 #include "antipode/util/error.h"
@@ -89,6 +90,16 @@ TEST_F(PriorTrainerTest, WritesAModelThatLoadsAndALog) {
   EXPECT_NE(log.find("\n4,"), std::string::npos);
 }
 
+TEST_F(PriorTrainerTest, TrainsAndValidatesOnPacks) {
+  PriorTrainingOptions options = Options("out");
+  const fs::path pack = folder_.path() / "objects.pack";
+  PackMeshes(MeshCollection::Open(options.objects), pack, {}, {});
+  options.objects = options.validation_objects = pack;
+  const auto result = TrainPrior(options, StartFrom::kScratch, {});
+  EXPECT_EQ(result.steps, 4);
+  EXPECT_GT(ObjectPrior::Load(result.model.string()).calibration().temperature, 0);
+}
+
 TEST_F(PriorTrainerTest, RefusesToResumeWhatIsNotThereOrDiffers) {
   EXPECT_THROW(TrainPrior(Options("none"), StartFrom::kCheckpoint, {}), BadFile);
   TrainPrior(Options("out"), StartFrom::kScratch, {});
@@ -115,7 +126,7 @@ TEST_F(PriorTrainerTest, WithoutALearningRateTheBackboneStaysAsItIs) {
 
 TEST_F(PriorTrainerTest, TheCacheIsRenderedOnceAndAgainWhenOptionsChange) {
   PriorTrainingOptions options = Options("out");
-  const auto meshes = FilesWithExtension(options.objects, ".glb");
+  const MeshCollection meshes = MeshCollection::Open(options.objects);
   const auto open = [&] { return ViewCache::OpenOrRender(options.cache, meshes, options.views, {}); };
   open();
   const auto first = fs::last_write_time(options.cache / "views.raw");
@@ -131,7 +142,7 @@ TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
   // back the augmented image gives the cached one again.
   PriorTrainingOptions options = Options("out");
   options.views.image_size = 160;
-  const ViewCache cache = ViewCache::OpenOrRender(options.cache, FilesWithExtension(options.objects, ".glb"), options.views, {});
+  const ViewCache cache = ViewCache::OpenOrRender(options.cache, MeshCollection::Open(options.objects), options.views, {});
   AugmentationOptions none;
   none.crop_shift = none.crop_scale = none.mask_error_share = none.blur_share = 0;
   std::mt19937_64 random(1);
@@ -149,7 +160,7 @@ TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
 
 TEST_F(PriorTrainerTest, BatchesDependOnSeedAndIndexOnly) {
   PriorTrainingOptions options = Options("out");
-  const ViewCache cache = ViewCache::OpenOrRender(options.cache, FilesWithExtension(options.objects, ".glb"), options.views, {});
+  const ViewCache cache = ViewCache::OpenOrRender(options.cache, MeshCollection::Open(options.objects), options.views, {});
   BatchLoader a(cache, 2, 3, 32, {}, 5), b(cache, 2, 3, 32, {}, 5), c(cache, 2, 3, 32, {}, 6);
   a.Get(0);
   a.Get(1);

@@ -240,7 +240,7 @@ RankerTrainingResult TrainRanker(const RankerTrainingOptions& given, const Progr
   options.Check();
   fs::create_directories(options.out);
   const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
-  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), options.views, progress);
+  const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), options.views, progress);
   CodedGroups groups = Encode(prior, cache, options, progress);
   options.ranker.channels = static_cast<int>(groups.codes.size(2));
   Trainer trainer(options, prior, std::move(groups), progress);

@@ -11,7 +11,6 @@
 #include "antipode/training/augmentation.h"
 #include "antipode/training/learning_rate.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/util/seeds.h"
 #include "antipode/weights/registry.h"
 
@@ -128,7 +127,7 @@ UprightTrainingResult TrainUpright(const UprightTrainingOptions& options, const 
                                    const ProgressCallback& progress) {
   options.Check();
   const std::filesystem::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
-  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), options.views, progress);
+  const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), options.views, progress);
   const CodedViews views = CodeCollector(cache, prior, options).Collect(progress);
   UprightReadout readout(views.codes.size(1), options.hidden);
   InitializeForTraining(*readout, options.seed);

@@ -10,7 +10,7 @@
 namespace antipode {
 
 struct UprightTrainingOptions {
-  std::filesystem::path objects;   ///< folder of .glb files that stand upright, +Y up
+  std::filesystem::path objects;   ///< folder or pack of .glb files that stand upright, +Y up
   std::filesystem::path out;       ///< folder for the model upright/
   std::filesystem::path cache;     ///< rendered views; empty: `out / "cache"`
   int views_per_variant = 4;       ///< codes of each object variant, differently augmented

@@ -29,7 +29,7 @@ fs::path DescriptionFile(const fs::path& folder) { return folder / "views.json";
 fs::path CameraFile(const fs::path& folder) { return folder / "cameras.safetensors"; }
 fs::path PixelFile(const fs::path& folder) { return folder / "views.raw"; }
 
-nlohmann::json Describe(const std::vector<fs::path>& meshes, const ViewCacheOptions& options) {
+nlohmann::json Describe(const MeshCollection& meshes, const ViewCacheOptions& options) {
   nlohmann::json description{{"format", 2},
                              {"views_per_object", options.views_per_object},
                              {"variants", options.variants},
@@ -38,8 +38,14 @@ nlohmann::json Describe(const std::vector<fs::path>& meshes, const ViewCacheOpti
                              {"margin", options.margin},
                              {"wide_share", options.wide_share},
                              {"seed", options.seed}};
-  for (const auto& mesh : meshes)
-    description["objects"].push_back({{"file", mesh.filename().string()}, {"bytes", fs::file_size(mesh)}});
+  const std::string pack = meshes.PackDigest();
+  if (!pack.empty()) description["pack"] = pack;
+  const auto sizes = meshes.FileSizes();
+  for (std::size_t i = 0; i < meshes.size(); ++i) {
+    nlohmann::json object{{"file", meshes.Name(i)}};
+    if (pack.empty()) object["bytes"] = sizes[i];
+    description["objects"].push_back(std::move(object));
+  }
   return description;
 }
 
@@ -78,14 +84,14 @@ CachedView RenderView(const Renderer& renderer, std::mt19937_64& random, const V
 }
 
 /// All views of one object in the order of the cache: variants outside, views inside.
-std::vector<CachedView> RenderObject(const std::vector<fs::path>& meshes, std::size_t object,
+std::vector<CachedView> RenderObject(const MeshCollection& meshes, std::size_t object,
                                      const ViewCacheOptions& options) {
-  const Mesh mesh = LoadMesh(meshes[object]);
-  std::mt19937_64 random(CombineSeeds(options.seed, HashOfName(meshes[object].filename().string())));
+  const Mesh mesh = meshes.Load(object);
+  std::mt19937_64 random(CombineSeeds(options.seed, HashOfName(meshes.Name(object))));
   std::vector<CachedView> views;
   for (int variant = 0; variant < options.variants; ++variant) {
-    const fs::path& other = meshes[UniformIndex(random, meshes.size())];
-    const Renderer renderer(RandomVariant(variant, mesh, other, options.stretch, random));
+    const std::size_t other = UniformIndex(random, meshes.size());
+    const Renderer renderer(RandomVariant(variant, mesh, [&] { return meshes.Load(other); }, options.stretch, random));
     for (int i = 0; i < options.views_per_object; ++i) views.push_back(RenderView(renderer, random, options));
   }
   return views;
@@ -132,7 +138,7 @@ class CacheWriter {
   std::mutex mutex_;
 };
 
-void RenderCache(const fs::path& folder, const std::vector<fs::path>& meshes,
+void RenderCache(const fs::path& folder, const MeshCollection& meshes,
                  const ViewCacheOptions& options, const ProgressCallback& progress) {
   CacheWriter writer(folder, meshes.size(), options);
   std::atomic<std::size_t> next = 0, finished = 0;
@@ -188,7 +194,7 @@ void ViewCacheOptions::Check() const {
   if (threads < 1) throw InvalidOption("threads", "must be at least 1");
 }
 
-ViewCache ViewCache::OpenOrRender(const fs::path& folder, const std::vector<fs::path>& meshes,
+ViewCache ViewCache::OpenOrRender(const fs::path& folder, const MeshCollection& meshes,
                                   const ViewCacheOptions& options, const ProgressCallback& progress) {
   options.Check();
   const std::string description = Describe(meshes, options).dump(1);

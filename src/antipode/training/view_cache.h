@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 
+#include "antipode/render/mesh_collection.h"
 #include "antipode/render/renderer.h"
 #include "antipode/util/memory_map.h"
 #include "antipode/util/progress.h"
@@ -39,11 +40,10 @@ RenderOptions RandomLight(std::mt19937_64& random);
 class ViewCache {
  public:
   /// Opens the cache in `folder`, or renders it first if it is missing or was made with other options or
-  /// from other objects.
-  /// @param meshes the .glb files
+  /// from other objects: for a folder their names and sizes count, for a pack its bytes.
   /// @throws Interrupted if `progress` does; nothing is left behind then
   static ViewCache OpenOrRender(const std::filesystem::path& folder,
-                                const std::vector<std::filesystem::path>& meshes,
+                                const MeshCollection& meshes,
                                 const ViewCacheOptions& options, const ProgressCallback& progress);
 
   int group_count() const { return group_count_; }  ///< variants of objects

@@ -12,7 +12,7 @@ namespace antipode {
 /// Training of Gen6D's networks on rendered objects on white, as the route `diffusion` sees them (Liu et al., "Gen6D",
 /// ECCV 2022; the losses are in gen6d/losses.h). The backbone stays as it is: that of a trained prior, or VGG-11.
 struct ViewComparisonTrainingOptions {
-  std::filesystem::path objects;   ///< folder of .glb files
+  std::filesystem::path objects;   ///< folder or pack of .glb files
   std::filesystem::path out;       ///< folder for the model and log.csv
   std::string backbone_model = "prior";  ///< whose backbone the built-in networks share
   double minutes = 60;

@@ -8,6 +8,8 @@
 #include "antipode/nn/parts.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/pose/view_comparison.h"
+#include "antipode/render/mesh_collection.h"
+#include "antipode/render/mesh_pack.h"
 #include "antipode/training/test_objects.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
@@ -87,6 +89,20 @@ TEST(RenderPosedObjects, QueriesShowTheObjectWhereTheirPosesSay) {
     EXPECT_NE(pixel, cv::Vec3b::all(255)) << "the tetrahedron holds its sphere's centre";
   }
   EXPECT_THROW(RenderPosedObjects(temporary.path() / "none", {}), Error);
+}
+
+TEST(RenderPosedObjects, TakesAPackInPlaceOfAFolder) {
+  const TemporaryFolder temporary;
+  const std::filesystem::path folder = temporary.path() / "meshes", pack = temporary.path() / "meshes.pack";
+  for (const char* name : {"a.glb", "b.glb", "c.glb"}) WriteFileAtomically(folder / name, TetrahedronGlb(static_cast<float>(name[0] - 'a') / 4));
+  PackMeshes(MeshCollection::Open(folder), pack, {}, {});
+  const PosedObjectOptions options{.views = 8, .query_groups = 1, .queries_per_group = 2, .image_size = 64};
+  const auto expected = RenderPosedObjects(folder, options), objects = RenderPosedObjects(pack, options);
+  ASSERT_EQ(objects.size(), 3u);
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const cv::Mat &a = expected[i].groups[0].queries[1].rgb, &b = objects[i].groups[0].queries[1].rgb;
+    EXPECT_LT(cv::norm(a, b, cv::NORM_L1) / static_cast<double>(a.total()), 0.5) << "object " << i;
+  }
 }
 
 }  // namespace

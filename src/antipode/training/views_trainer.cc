@@ -15,7 +15,6 @@
 #include "antipode/training/loss_average.h"
 #include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
-#include "antipode/util/files.h"
 #include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
 #include "antipode/util/stopwatch.h"
@@ -219,7 +218,7 @@ ViewsTrainingResult TrainViews(const ViewsTrainingOptions& options, const ViewDi
   config.Check();
   fs::create_directories(options.out);
   const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
-  const ViewCache cache = ViewCache::OpenOrRender(folder, FilesWithExtension(options.objects, ".glb"), options.views, progress);
+  const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), options.views, progress);
   return Trainer(options, config, cache, progress).Run();
 }
 

@@ -11,7 +11,7 @@
 namespace antipode {
 
 struct ViewsTrainingOptions {
-  std::filesystem::path objects;  ///< folder of .glb files
+  std::filesystem::path objects;  ///< folder or pack of .glb files
   std::filesystem::path out;      ///< folder for checkpoint, log.csv and the model views/
   std::filesystem::path cache;    ///< rendered views; empty: `out / "cache"`
   double minutes = 60;            ///< time budget, counted over all resumed runs

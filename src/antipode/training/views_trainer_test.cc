@@ -65,7 +65,7 @@ TEST(TrainViews, OverfitsOneObject) {
   const TensorFile file = LoadModel(result.model.string());
   ViewDiffusion model(ViewDiffusionConfig::FromMetadata(file.metadata, "model"));
   LoadInto(*model, file, "model");
-  const ViewCache cache = ViewCache::OpenOrRender(options.out / "cache", FilesWithExtension(options.objects, ".glb"), options.views, {});
+  const ViewCache cache = ViewCache::OpenOrRender(options.out / "cache", MeshCollection::Open(options.objects), options.views, {});
   const auto [picture, picture_pose] = PlainView(cache, 0, 16, options.augmentation);
   double sampled = 0, copied = 0;
   for (int view = 1; view < 4; ++view) {
