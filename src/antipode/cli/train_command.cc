@@ -3,6 +3,8 @@
 #include "antipode/cli/command.h"
 #include "antipode/cli/common_options.h"
 #include "antipode/cli/progress_line.h"
+#include "antipode/render/mesh_collection.h"
+#include "antipode/render/mesh_pack.h"
 #include "antipode/training/matcher_trainer.h"
 #include "antipode/training/prior_trainer.h"
 #include "antipode/training/ranker_trainer.h"
@@ -16,6 +18,10 @@
 
 namespace antipode {
 namespace {
+
+void DeclareObjects(CLI::App& app, std::filesystem::path& objects, const char* description) {
+  app.add_option("--objects", objects, description)->required()->type_name("DIR|PACK");
+}
 
 /// What a trainer renders before it starts.
 void DeclareCache(CLI::App& app, std::filesystem::path& folder, ViewCacheOptions& views) {
@@ -45,12 +51,11 @@ class TrainPriorCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()
-        ->type_name("DIR");
+    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model prior/")
         ->required()->type_name("DIR");
-    app.add_option("--validation", options_.validation_objects, "Folder of .glb files to measure on")
-        ->type_name("DIR");
+    app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to measure on")
+        ->type_name("DIR|PACK");
     DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")
         ->capture_default_str()->type_name("N");
@@ -123,9 +128,9 @@ class TrainRankerCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
     app.add_option("--out", options_.out, "Folder for log.csv and the model prior/, both stages in one")->required()->type_name("DIR");
-    app.add_option("--validation", options_.validation_objects, "Folder of .glb files to calibrate on; without: as it was")->type_name("DIR");
+    app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to calibrate on; without: as it was")->type_name("DIR|PACK");
     app.add_option("--model", options_.prior, "The first stage: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
     DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget after encoding")->capture_default_str()->type_name("N");
@@ -167,7 +172,7 @@ class TrainUprightCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    app.add_option("--objects", options_.objects, "Folder of .glb files that stand upright, +Y up")->required()->type_name("DIR");
+    DeclareObjects(app, options_.objects, "Folder of .glb files that stand upright, +Y up, or a pack of them (train pack)");
     app.add_option("--out", options_.out, "Folder for the model upright/")->required()->type_name("DIR");
     DeclareCache(app, options_.cache, options_.views);
     app.add_option("--model", prior_, "The prior: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
@@ -205,7 +210,7 @@ class TrainViewsCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model views/")->required()->type_name("DIR");
     DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
@@ -216,6 +221,8 @@ class TrainViewsCommand : public Command {
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
     app.add_option("--image-size", image_size_, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
     app.add_option("--width", width_, "Half the channels at full resolution, a multiple of 32")->capture_default_str()->type_name("N");
+    app.add_option("--cell", cell_, "Side of the squares of pixels that the network sees as one: 4 learns faster than 2, in less detail")
+        ->capture_default_str()->type_name("N");
     app.add_option("--prior", options_.prior, "Whose codes of the picture guide the views, or none")->capture_default_str()->type_name("NAME|FOLDER");
     app.add_option("--predict", predict_, "velocity or noise")->capture_default_str()->type_name("NAME");
     app.add_option("--pose", pose_, "rotation: the relative rotation; zero123: its four numbers")->capture_default_str()->type_name("NAME");
@@ -227,7 +234,7 @@ class TrainViewsCommand : public Command {
     options_.seed = common_.seed;
     options_.device = common_.device;
     if (options_.prior == "none") options_.prior.clear();
-    ViewDiffusionConfig config = ViewDiffusionConfig::Small(width_);
+    ViewDiffusionConfig config = ViewDiffusionConfig::Small(width_, cell_);
     config.image_size = image_size_;
     config.target = Choose(predict_, "--predict", "velocity", DiffusionTarget::kVelocity, "noise", DiffusionTarget::kNoise);
     config.pose = Choose(pose_, "--pose", "rotation", PoseCondition::kRelativeRotation, "zero123", PoseCondition::kZero123);
@@ -253,7 +260,7 @@ class TrainViewsCommand : public Command {
 
   ViewsTrainingOptions options_;
   std::int64_t width_ = 32;
-  int image_size_ = 64;
+  int image_size_ = 64, cell_ = 2;
   std::string predict_ = "velocity", pose_ = "rotation";
   CommonOptions common_;
 };
@@ -269,7 +276,7 @@ class TrainMatcherCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model object-lighterglue/")->required()->type_name("DIR");
     app.add_option("--start", options_.start, "Model that training starts from")->capture_default_str()->type_name("NAME|FOLDER");
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
@@ -316,7 +323,7 @@ class TrainViewComparisonCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    app.add_option("--objects", options_.objects, "Folder of .glb files to train on")->required()->type_name("DIR");
+    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
     app.add_option("--out", options_.out, "Folder for the model and log.csv")->required()->type_name("DIR");
     app.add_option("--backbone", backbone_, "efficientnet-lite0: small, shares that of the prior; vgg11-bn: the published size")
         ->capture_default_str()->type_name("NAME");
@@ -360,12 +367,66 @@ class TrainViewComparisonCommand : public Command {
   CommonOptions common_;
 };
 
+class TrainPackCommand : public Command {
+ public:
+  std::string Name() const override { return "pack"; }
+  std::string Summary() const override { return "One small file of all meshes, to train on another machine"; }
+  std::string Example() const override {
+    return "  antipode train pack --objects meshes/train --out train.pack --megabytes 28\n"
+           "  antipode train prior --objects train.pack --out my_prior";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    app.add_option("--objects", objects_, "Folder of .glb files")->required()->type_name("DIR");
+    app.add_option("--out", out_, "The pack")->required()->type_name("FILE");
+    app.add_option("--megabytes", options_.megabytes, "Its greatest size, MiB; textures are reduced until it fits")
+        ->capture_default_str()->type_name("N");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    const MeshPackResult result = Pack();
+    common_.WriteJson({{"pack", out_.string()},
+                       {"objects", result.objects},
+                       {"triangles", result.triangles},
+                       {"bytes", result.bytes},
+                       {"textures", result.textures},
+                       {"texture_side", result.texture_side},
+                       {"greatest_position_error_radii", result.greatest_position_error}});
+    if (common_.PrintsText()) Print(result);
+  }
+
+ private:
+  MeshPackResult Pack() const {
+    ProgressLine line(common_.ProgressMode());
+    return PackMeshes(MeshCollection::Open(objects_), out_, options_, [&](const Progress& progress) {
+      ThrowIfInterrupted();
+      line.Show(progress);
+    });
+  }
+
+  void Print(const MeshPackResult& result) const {
+    std::cout << Formatted("%lld objects, %lld triangles in %.2f MiB\n", static_cast<long long>(result.objects),
+                           static_cast<long long>(result.triangles), static_cast<double>(result.bytes) / 0x1p20)
+              << Formatted("%lld textures of at most %d pixels a side\n", static_cast<long long>(result.textures), result.texture_side)
+              << Formatted("Greatest error of a position: %.1e object radii\n", result.greatest_position_error) << "Pack: "
+              << out_.string() << "\n"
+              << "Next: antipode train prior --objects " << out_.string() << " --out my_prior\n";
+  }
+
+  std::filesystem::path objects_, out_;
+  MeshPackOptions options_;
+  CommonOptions common_;
+};
+
 class TrainCommand : public Command {
  public:
   std::string Name() const override { return "train"; }
   std::string Summary() const override { return "Train a model"; }
   std::string Example() const override {
-    return "  antipode train prior --objects meshes/train --out my_prior --minutes 60";
+    return "  antipode train prior --objects meshes/train --out my_prior --minutes 60\n"
+           "  antipode train pack --objects meshes/train --out train.pack";
   }
   void DeclareOptions(CLI::App&) override {}
   void Run() override {}
@@ -378,6 +439,7 @@ class TrainCommand : public Command {
     commands.push_back(std::make_unique<TrainMatcherCommand>());
     for (const auto network : {TrainViewComparisonCommand::Network::kSelector, TrainViewComparisonCommand::Network::kRefiner})
       commands.push_back(std::make_unique<TrainViewComparisonCommand>(network));
+    commands.push_back(std::make_unique<TrainPackCommand>());
     return commands;
   }
 };
