@@ -29,6 +29,10 @@ if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
   endif()
   get_filename_component(LibTorch_LIBRARY_DIR ${LibTorch_c10_LIBRARY} DIRECTORY)
   target_link_libraries(LibTorch::LibTorch INTERFACE ${libraries})
+  find_package(OpenMP COMPONENTS CXX)
+  if(OpenMP_CXX_FOUND)
+    target_link_libraries(LibTorch::LibTorch INTERFACE $<LINK_ONLY:OpenMP::OpenMP_CXX>)
+  endif()
   # First among the shared libraries: the BLAS that other libraries bring (ATLAS, the reference BLAS) defines the same
   # symbols as the MKL inside LibTorch, and the first one loaded serves every matrix product of all of them.
   target_link_options(LibTorch::LibTorch INTERFACE

@@ -20,6 +20,23 @@ Weights RecursionWeights(int l, int m, int n) {
           -0.5 * std::sqrt(std::max(0, (l - a - 1) * (l - a)) / denominator) * (1 - zero)};
 }
 
+/// Where an element of degree l is in the stacked matrices.
+constexpr int Index(int l, int m, int n) { return WignerOffset(l) + (m + l) * (2 * l + 1) + n + l; }
+
+constexpr int kTabulatedDegree = 16;
+
+/// Of all elements up to the tabulated degree, in the order of the stacked matrices: roots take longer than all the rest.
+const std::vector<Weights>& TabulatedWeights() {
+  static const std::vector<Weights> table = [] {
+    std::vector<Weights> weights(WignerSize(kTabulatedDegree));
+    for (int l = 1; l <= kTabulatedDegree; ++l)
+      for (int m = -l; m <= l; ++m)
+        for (int n = -l; n <= l; ++n) weights[Index(l, m, n)] = RecursionWeights(l, m, n);
+    return weights;
+  }();
+  return table;
+}
+
 /// Fills the stacked Wigner matrices for one rotation (Scalar = double) or for a pack of rotations side
 /// by side (Scalar = Eigen::Array). `first` holds D_1 with rows and columns in the order y, z, x.
 template <typename Scalar>
@@ -36,9 +53,7 @@ class Recursion {
   }
 
  private:
-  Scalar& At(int l, int m, int n) {
-    return stacked_[WignerOffset(l) + (m + l) * (2 * l + 1) + n + l];
-  }
+  Scalar& At(int l, int m, int n) { return stacked_[Index(l, m, n)]; }
 
   Scalar Product(int i, int l, int m, int n) {
     if (n == l) return At(1, i, 1) * At(l - 1, m, l - 1) - At(1, i, -1) * At(l - 1, m, 1 - l);
@@ -62,7 +77,7 @@ class Recursion {
 
   Scalar Element(int l, int m, int n) {
     using S = typename ScalarOf<Scalar>::type;
-    const Weights weights = RecursionWeights(l, m, n);
+    const Weights weights = l <= kTabulatedDegree ? table_[Index(l, m, n)] : RecursionWeights(l, m, n);
     Scalar sum = VTerm(l, m, n) * S(weights.v);
     if (weights.u != 0) sum += Product(0, l, m, n) * S(weights.u);
     if (weights.w != 0) sum += WTerm(l, m, n) * S(weights.w);
@@ -74,6 +89,7 @@ class Recursion {
     using type = typename T::Scalar;
   };
   Scalar* stacked_;
+  const std::vector<Weights>& table_ = TabulatedWeights();
 };
 
 template <>

@@ -81,12 +81,12 @@ ModeRankerImpl::ModeRankerImpl(const ModeRankerConfig& config) : config_(config)
 }
 
 Tensor ModeRankerImpl::forward(const Tensor& reference, const Tensor& query, const Tensor& query_from_reference) {
-  const std::int64_t batch = query_from_reference.size(0), modes = query_from_reference.size(1), points = points_.size(0);
+  const std::int64_t batch = query_from_reference.size(0), modes = query_from_reference.size(1);
   // R^T x without a matrix product, which training would round to bfloat16. [B, K, P, 3]
   const Tensor turned = (points_.unsqueeze(2) * query_from_reference.unsqueeze(2)).sum(3);
-  const Tensor there = HarmonicsAt(turned, config_.max_degree).flatten(1, 2);  // [B, K P, H]
   const Tensor of_query = torch::matmul(harmonics_, ScaledCodes(query).transpose(1, 2)).unsqueeze(1);  // [B, 1, P, C]
-  const Tensor of_reference = torch::matmul(there, ScaledCodes(reference).transpose(1, 2)).view({batch, modes, points, -1});
+  // f(R^T x) is the function of the turned code at x. [B, K, P, C]
+  const Tensor of_reference = torch::matmul(harmonics_, TurnCodes(ScaledCodes(reference), query_from_reference).transpose(2, 3));
   const Tensor q = embed(of_query), r = embed(of_reference);
   const Tensor where = torch::cat({points_.expand({batch, modes, -1, -1}), turned}, -1);
   const Tensor compared = torch::relu(compare(torch::cat({(q - r).abs(), q * r}, -1)) + place(where));
@@ -100,8 +100,8 @@ std::vector<double> ModeRankerImpl::LogWeights(const Tensor& reference, const Te
   std::vector<Eigen::Matrix3d> of_modes;
   for (const RotationMode& mode : modes) of_modes.push_back(mode.rotation);
   const Tensor rotations = ToTensor(of_modes).unsqueeze(0);
-  const Tensor a = reference.unsqueeze(0), b = query.unsqueeze(0);
-  const Tensor both = (0.5 * (forward(a, b, rotations) + forward(b, a, rotations.transpose(2, 3)))).to(torch::kDouble).contiguous();
+  const Tensor there = torch::stack({reference, query}), back = torch::stack({query, reference});
+  const Tensor both = forward(there, back, torch::cat({rotations, rotations.transpose(2, 3)})).mean(0).to(torch::kDouble).contiguous();
   return {both.const_data_ptr<double>(), both.const_data_ptr<double>() + both.numel()};
 }
 

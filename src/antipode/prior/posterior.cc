@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include <ATen/Parallel.h>
 #include <Eigen/Dense>
 
 #include "antipode/geometry/rotation.h"
@@ -14,8 +15,12 @@ namespace antipode {
 namespace {
 
 constexpr int kMaxNewtonSteps = 12;
-constexpr double kConvergedStep = 1e-7;  // radians
+constexpr double kConvergedStep = 1e-5;  // radians; Newton's next one would be about its square
 constexpr double kLongestStep = 0.15;    // radians, inside one lobe of a band-limited score
+constexpr double kRounding = 1e-12;
+constexpr std::size_t kRotationsAtOnce = 512;
+constexpr std::size_t kCandidates = 1000;        // rotations of the grid that may be starts
+constexpr double kLeastWeight = 1e-10;           // of a rotation of the grid that counts; all others weigh less than 2e-6
 
 /// The cosine-like quantity trace(A^T B): monotone in the angle between rotations and cheap.
 double TraceOfDifference(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
@@ -28,6 +33,35 @@ double TraceAtAngle(double degrees) { return 1 + 2 * std::cos(RadiansFromDegrees
 Eigen::VectorXd GridWeights(const Eigen::VectorXf& scores) {
   const Eigen::VectorXd weights = (scores.array() - scores.maxCoeff()).exp().cast<double>();
   return weights / weights.sum();
+}
+
+/// The indices of the greatest weights, best first: only these rotations could carry a mode worth reporting.
+std::vector<int> BestFirst(const Eigen::VectorXd& weights) {
+  std::vector<int> order;
+  for (int g = 0; g < weights.size(); ++g)
+    if (weights[g] >= kLeastWeight) order.push_back(g);
+  const auto is_better = [&](int a, int b) { return weights[a] > weights[b]; };
+  if (order.size() > kCandidates) {
+    std::ranges::nth_element(order, order.begin() + kCandidates, is_better);
+    order.resize(kCandidates);
+  }
+  std::ranges::sort(order, is_better);
+  return order;
+}
+
+/// Of rotations, best first, the first `most` without a better one within an angle: what is left out would lead to the same peaks.
+std::vector<Eigen::Matrix3d> LocalMaxima(std::span<const Eigen::Matrix3d> rotations, const std::vector<int>& best_first,
+                                         double angle_deg, std::size_t most) {
+  const auto least_cosine = static_cast<float>(std::cos(RadiansFromDegrees(angle_deg / 2)));  // of quaternions
+  Eigen::MatrixX4f better(best_first.size(), 4);
+  std::vector<Eigen::Matrix3d> maxima;
+  for (Eigen::Index i = 0; i < better.rows() && maxima.size() < most; ++i) {
+    const Eigen::Matrix3d& rotation = rotations[best_first[i]];
+    better.row(i) = Eigen::Quaterniond(rotation).coeffs().transpose().cast<float>();
+    const bool is_highest = i == 0 || (better.topRows(i) * better.row(i).transpose()).cwiseAbs().maxCoeff() < least_cosine;
+    if (is_highest) maxima.push_back(rotation);
+  }
+  return maxima;
 }
 
 }  // namespace
@@ -73,10 +107,23 @@ void GridPosterior::ScaleAround(const Eigen::Matrix3d& rotation, double factor, 
 }
 
 RotationPosterior::RotationPosterior(int max_degree, int grid_size)
-    : max_degree_(max_degree),
-      grid_(SuperFibonacciRotations(grid_size)),
-      grid_wigner_(WignerMatrices(grid_, max_degree)) {
-  for (int l = 0; l <= max_degree; ++l) generators_.push_back(WignerGenerators(l));
+    : max_degree_(max_degree), grid_(SuperFibonacciRotations(grid_size)), grid_wigner_(WignerSize(max_degree)) {
+  const std::span<const Eigen::Matrix3d> grid(grid_);
+  for (std::size_t begin = 0; begin < grid.size(); begin += kRotationsAtOnce)
+    grid_wigner_.AppendRows(WignerMatrices(grid.subspan(begin, std::min(kRotationsAtOnce, grid.size() - begin)), max_degree));
+  for (int l = 1; l <= max_degree; ++l) derivatives_.push_back(DerivativesOf(l));
+}
+
+RotationPosterior::Derivatives RotationPosterior::DerivativesOf(int degree) {
+  const std::array<Eigen::MatrixXd, 3> generators = WignerGenerators(degree);
+  const auto sparse = [](const Eigen::MatrixXd& matrix) { return Eigen::SparseMatrix<double>(matrix.sparseView(1, kRounding)); };
+  Derivatives derivatives;
+  for (int a = 0, pair = 0; a < 3; ++a) {
+    derivatives.first[a] = sparse(generators[a]);
+    for (int b = a; b < 3; ++b)
+      derivatives.second[pair++] = sparse(0.5 * (generators[a] * generators[b] + generators[b] * generators[a]));
+  }
+  return derivatives;
 }
 
 double RotationPosterior::Score(const Eigen::VectorXf& correlation,
@@ -84,39 +131,43 @@ double RotationPosterior::Score(const Eigen::VectorXf& correlation,
   return correlation.cast<double>().dot(WignerMatrices(rotation, max_degree_));
 }
 
+Eigen::Vector3d RotationPosterior::AscentStep(const Eigen::VectorXd& correlation, const Eigen::VectorXd& wigner, double longest) const {
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  // of its upper half
+  for (int l = 1; l <= max_degree_; ++l) {
+    const Eigen::MatrixXd product = WignerBlock(correlation, l).lazyProduct(WignerBlock(wigner, l).transpose());
+    const Derivatives& derivatives = derivatives_[l - 1];
+    for (int a = 0, pair = 0; a < 3; ++a) {
+      gradient[a] += derivatives.first[a].cwiseProduct(product).sum();
+      for (int b = a; b < 3; ++b) hessian(a, b) += derivatives.second[pair++].cwiseProduct(product).sum();
+    }
+  }
+  const Eigen::Matrix3d curvature = -Eigen::Matrix3d(hessian.selfadjointView<Eigen::Upper>());
+  const Eigen::LLT<Eigen::Matrix3d> factor(curvature);
+  const Eigen::Vector3d step = factor.info() == Eigen::Success ? Eigen::Vector3d(factor.solve(gradient))
+                                                               : Eigen::Vector3d(gradient.normalized() * longest);
+  return step.norm() > longest ? Eigen::Vector3d(step * (longest / step.norm())) : step;
+}
+
 Eigen::Matrix3d RotationPosterior::Maximize(const Eigen::VectorXf& correlation,
                                             const Eigen::Matrix3d& start) const {
+  const Eigen::VectorXd scores = correlation.cast<double>();
   Eigen::Matrix3d rotation = start;
-  double score = Score(correlation, rotation);
-  double trust = kLongestStep;
+  Eigen::VectorXd wigner = WignerMatrices(rotation, max_degree_);
+  double score = scores.dot(wigner);
+  double longest = kLongestStep;
   for (int step = 0; step < kMaxNewtonSteps; ++step) {
-    // With R = exp([w]) R0: s(w) = s + g.w + w.H w / 2, g_a = <C, G_a D>, H_ab = sym <C, G_a G_b D>.
-    const Eigen::VectorXd wigner = WignerMatrices(rotation, max_degree_);
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
-    for (int l = 1; l <= max_degree_; ++l) {
-      const int size = 2 * l + 1;
-      const Eigen::Map<const RowMajorMatrixXf> block(correlation.data() + WignerOffset(l), size, size);
-      const Eigen::MatrixXd product = block.cast<double>() * WignerBlock(wigner, l).transpose();
-      for (int a = 0; a < 3; ++a) {
-        gradient[a] += product.cwiseProduct(generators_[l][a]).sum();
-        const Eigen::MatrixXd turned = generators_[l][a].transpose() * product;
-        for (int b = 0; b < 3; ++b) hessian(a, b) += turned.cwiseProduct(generators_[l][b]).sum();
-      }
-    }
-    hessian = (0.5 * (hessian + hessian.transpose())).eval();
-    const Eigen::LLT<Eigen::Matrix3d> factor(-hessian);
-    Eigen::Vector3d move = factor.info() == Eigen::Success ? Eigen::Vector3d(factor.solve(gradient))
-                                                           : Eigen::Vector3d(gradient.normalized() * trust);
-    if (move.norm() > trust) move *= trust / move.norm();
+    const Eigen::Vector3d move = AscentStep(scores, wigner, longest);
     const Eigen::Matrix3d candidate = RotationFromVector(move) * rotation;
-    const double candidate_score = Score(correlation, candidate);
+    const Eigen::VectorXd candidate_wigner = WignerMatrices(candidate, max_degree_);
+    const double candidate_score = scores.dot(candidate_wigner);
     if (candidate_score < score) {
-      trust = 0.25 * move.norm();
-      if (trust < kConvergedStep) break;
+      longest = 0.25 * move.norm();
+      if (longest < kConvergedStep) break;
       continue;
     }
     rotation = candidate;
+    wigner = candidate_wigner;
     score = candidate_score;
     if (move.norm() < kConvergedStep) break;
   }
@@ -139,57 +190,34 @@ GridPosterior RotationPosterior::OnGrid(const Eigen::VectorXf& correlation, cons
 
 std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& correlation,
                                                        const PosteriorOptions& options) const {
-  const Eigen::VectorXf scores = CheckedGridScores(correlation, options);
-  const Eigen::VectorXd weights = GridWeights(scores);
-
-  std::vector<int> order(grid_.size());
-  std::iota(order.begin(), order.end(), 0);
-  // Only rotations that could carry a reportable mode are candidates; the rest need not be sorted.
-  const auto candidates = std::min<std::size_t>(order.size(), 2000);
-  std::partial_sort(order.begin(), order.begin() + candidates, order.end(),
-                    [&](int a, int b) { return scores[a] > scores[b]; });
-
+  const Eigen::VectorXd weights = GridWeights(CheckedGridScores(correlation, options));
   // Peaks are sought among more grid maxima than asked for: the one with the most mass comes first.
-  const double separation_trace = TraceAtAngle(options.separation_deg);
-  const double foothill_trace = TraceAtAngle(options.separation_deg / 2);
-  const std::size_t wanted = 2 * static_cast<std::size_t>(options.max_modes) + 2;
-  std::vector<RotationMode> modes;
-  std::vector<const Eigen::Matrix3d*> climbed;
-  for (std::size_t i = 0; i < candidates && modes.size() < wanted; ++i) {
-    const Eigen::Matrix3d& start = grid_[order[i]];
-    const auto near = [&](const Eigen::Matrix3d& rotation) {
-      return std::any_of(modes.begin(), modes.end(), [&](const RotationMode& mode) {
-        return TraceOfDifference(mode.rotation, rotation) > separation_trace;
-      });
-    };
-    // The foothills of a peak lead to the same peak: one climb for each is enough.
-    const bool is_foothill = std::ranges::any_of(climbed, [&](const Eigen::Matrix3d* other) {
-      return TraceOfDifference(*other, start) > foothill_trace;
-    });
-    if (is_foothill || near(start)) continue;
-    climbed.push_back(&start);
-    const Eigen::Matrix3d peak = Maximize(correlation, start);
-    if (near(peak)) continue;
-    modes.push_back({peak, 0, Score(correlation, peak) / options.temperature});
-  }
-
-  const double mass_trace = TraceAtAngle(options.mass_radius_deg);
-  for (std::size_t g = 0; g < grid_.size(); ++g) {
-    RotationMode* nearest = nullptr;
-    double nearest_trace = mass_trace;
-    for (RotationMode& mode : modes) {
-      const double trace = TraceOfDifference(mode.rotation, grid_[g]);
-      if (trace < nearest_trace) continue;
-      nearest = &mode;
-      nearest_trace = trace;
-    }
-    if (nearest != nullptr) nearest->probability += weights[g];
-  }
-  std::stable_sort(modes.begin(), modes.end(), [](const RotationMode& a, const RotationMode& b) {
-    return a.probability > b.probability;
+  const std::size_t most = 2 * static_cast<std::size_t>(options.max_modes) + 2;
+  std::vector<Eigen::Matrix3d> peaks = LocalMaxima(grid_, BestFirst(weights), options.separation_deg / 2, most);
+  at::parallel_for(0, static_cast<std::int64_t>(peaks.size()), 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) peaks[i] = Maximize(correlation, peaks[i]);
   });
+  std::vector<RotationMode> modes;
+  const double least_trace = TraceAtAngle(options.separation_deg);
+  for (const Eigen::Matrix3d& peak : peaks) {
+    const bool is_known = std::ranges::any_of(modes, [&](const RotationMode& mode) { return TraceOfDifference(mode.rotation, peak) > least_trace; });
+    if (!is_known) modes.push_back({peak, 0, Score(correlation, peak) / options.temperature});
+  }
+  AddMass(weights, options.mass_radius_deg, modes);
+  std::ranges::stable_sort(modes, std::ranges::greater(), &RotationMode::probability);
   KeepReportable(modes, options);
   return modes;
+}
+
+void RotationPosterior::AddMass(const Eigen::VectorXd& weights, double radius_deg, std::vector<RotationMode>& modes) const {
+  const double least_trace = TraceAtAngle(radius_deg);
+  for (std::size_t g = 0; g < grid_.size(); ++g) {
+    const double weight = weights[static_cast<Eigen::Index>(g)];
+    if (weight < kLeastWeight) continue;
+    const auto closeness = [&](const RotationMode& mode) { return TraceOfDifference(mode.rotation, grid_[g]); };
+    const auto nearest = std::ranges::max_element(modes, {}, closeness);
+    if (nearest != modes.end() && closeness(*nearest) >= least_trace) nearest->probability += weight;
+  }
 }
 
 }  // namespace antipode

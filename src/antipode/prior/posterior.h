@@ -1,11 +1,14 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include "antipode/geometry/wigner.h"
+#include "antipode/prior/fixed_point_matrix.h"
 
 namespace antipode {
 
@@ -54,7 +57,7 @@ struct GridPosterior {
 /// Evaluates and maximises band-limited scores s(R) = sum_l <C_l, D_l(R)> over SO(3).
 class RotationPosterior {
  public:
-  /// Precomputes the Wigner matrices of `grid_size` super-Fibonacci rotations (about 80 MB for 20,736 and L = 8).
+  /// Precomputes the Wigner matrices of `grid_size` super-Fibonacci rotations (about 40 MB for 20,736 and L = 8).
   explicit RotationPosterior(int max_degree, int grid_size = 20736);
 
   /// Peaks, best first: grid maxima, refined by Newton's method on SO(3). Their balls are cut where they
@@ -76,17 +79,29 @@ class RotationPosterior {
 
   int max_degree() const { return max_degree_; }
   const std::vector<Eigen::Matrix3d>& grid() const { return grid_; }
-  /// Wigner matrices of the grid, one row a rotation.
-  const RowMajorMatrixXf& grid_wigner() const { return grid_wigner_; }
 
  private:
+  /// With R = exp([w]) R0: s(w) = s + g.w + w.H w / 2 + .., and P = C D(R0)^T of one degree: g_a = <P, G_a>, H_ab = <P, S_ab>.
+  struct Derivatives {
+    std::array<Eigen::SparseMatrix<double>, 3> first;   ///< G_a, see WignerGenerators
+    std::array<Eigen::SparseMatrix<double>, 6> second;  ///< S_ab = (G_a G_b + G_b G_a) / 2 for xx, xy, xz, yy, yz, zz
+  };
+  static Derivatives DerivativesOf(int degree);
+
+  /// Newton's step, or one along the gradient where the score is not concave; at most `longest` radians.
+  /// @param wigner of the rotation that the step starts from
+  Eigen::Vector3d AscentStep(const Eigen::VectorXd& correlation, const Eigen::VectorXd& wigner, double longest) const;
+
   /// s(R) / temperature of every rotation of the grid. @throws Error if they are not finite, or the degree differs
   Eigen::VectorXf CheckedGridScores(const Eigen::VectorXf& correlation, const PosteriorOptions& options) const;
 
+  /// Adds the weight of every rotation of the grid to the nearest mode, if that is within the radius.
+  void AddMass(const Eigen::VectorXd& weights, double radius_deg, std::vector<RotationMode>& modes) const;
+
   int max_degree_;
   std::vector<Eigen::Matrix3d> grid_;
-  RowMajorMatrixXf grid_wigner_;
-  std::vector<std::array<Eigen::MatrixXd, 3>> generators_;
+  FixedPointMatrix grid_wigner_;
+  std::vector<Derivatives> derivatives_;  ///< of degrees 1..L, at index l - 1
 };
 
 }  // namespace antipode

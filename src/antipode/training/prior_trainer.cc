@@ -52,12 +52,6 @@ double MinutesSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count() / 60;
 }
 
-Tensor ToTensor(const RowMajorMatrixXf& rows, torch::Device device) {
-  return torch::from_blob(const_cast<float*>(rows.data()), {rows.rows(), rows.cols()}, torch::kFloat)
-      .clone()
-      .to(device);
-}
-
 /// Large tensors come and go at every step: giving their pages back to the system each time costs a fifth
 /// of the time.
 void KeepFreedMemory() {
@@ -245,8 +239,8 @@ class Trainer {
     std::vector<Eigen::Matrix3d> grid = grid_;
     for (auto& rotation : grid) rotation = (turn * rotation).eval();
     const auto correlations = CorrelateCodes(pick(pairs.query), pick(pairs.reference), degree);
-    const auto true_wigner = ToTensor(WignerMatrices(pairs.query_from_reference, degree), device_);
-    const auto grid_wigner = ToTensor(WignerMatrices(grid, degree), device_);
+    const auto true_wigner = ToTensor(WignerMatrices(pairs.query_from_reference, degree)).to(device_);
+    const auto grid_wigner = ToTensor(WignerMatrices(grid, degree)).to(device_);
     return NegativeLogDensity(correlations, true_wigner, grid_wigner).mean();
   }
 

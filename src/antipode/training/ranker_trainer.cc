@@ -66,8 +66,7 @@ class GridModes {
  public:
   GridModes(const RotationPosterior& posterior, double temperature, int count)
       : max_degree_(posterior.max_degree()), temperature_(temperature), count_(count), rotations_(ToTensor(posterior.grid()).flatten(1)) {
-    const RowMajorMatrixXf& wigner = posterior.grid_wigner();
-    wigner_ = torch::from_blob(const_cast<float*>(wigner.data()), {wigner.rows(), wigner.cols()}, torch::kFloat)
+    wigner_ = ToTensor(WignerMatrices(posterior.grid(), posterior.max_degree()))
                   .t()
                   .to(ProcessorHasBFloat16() ? torch::kBFloat16 : torch::kFloat)
                   .contiguous();
