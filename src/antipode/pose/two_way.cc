@@ -11,6 +11,7 @@ namespace antipode {
 namespace {
 
 constexpr double kKernelDeg = 15, kFloor = 0.05, kSameModeDeg = 30;
+constexpr double kWorthSteps = 1e6;  // of the logarithm; what differs by less is equal
 
 using Hypotheses = std::vector<PoseHypothesis>;
 
@@ -31,13 +32,17 @@ double Density(const Hypotheses& hypotheses, const Rigid3& pose) {
   return density;
 }
 
-/// Best first, with the worth in place of the probability.
+/// Best first, with the worth in place of the probability. Of equal ones, such as both directions' versions of one mode, that
+/// with the smaller rotation comes first, which it has in either order of the photographs.
 Hypotheses ByWorth(const Hypotheses& first, const Hypotheses& second) {
   Hypotheses candidates = first;
   candidates.insert(candidates.end(), second.begin(), second.end());
   for (PoseHypothesis& candidate : candidates)
     candidate.probability = Density(first, candidate.query_from_reference) * Density(second, candidate.query_from_reference);
-  std::ranges::stable_sort(candidates, std::ranges::greater(), &PoseHypothesis::probability);
+  const auto rank = [](const PoseHypothesis& candidate) {
+    return std::pair(-std::llround(kWorthSteps * std::log(candidate.probability)), RotationAngleDeg(candidate.query_from_reference.rotation));
+  };
+  std::ranges::stable_sort(candidates, {}, rank);
   Hypotheses distinct;
   for (const PoseHypothesis& candidate : candidates) {
     const bool is_known = std::ranges::any_of(distinct, [&](const PoseHypothesis& better) {

@@ -54,6 +54,12 @@ TEST(Reconcile, SwappingThePhotographsInverts) {
   EXPECT_LT(AngleDeg(one, other.Inverse()), 1e-6);
 }
 
+TEST(Reconcile, TheOrderDoesNotCountWhereBothVersionsOfOneModeAreWorthTheSame) {
+  const auto forward = Estimate({{Turned(50), 0.6}}, 0.6), backward = Estimate({{Turned(56).Inverse(), 0.6}}, 0.6);
+  const Rigid3 one = Reconcile(forward, Swapped(backward)).query_from_reference, other = Reconcile(backward, Swapped(forward)).query_from_reference;
+  EXPECT_LT(AngleDeg(one, other.Inverse()), 1e-6);
+}
+
 TEST(Reconcile, ADirectionWithoutAnyMassGivesNoConfidence) {
   const TwoViewPose both = Reconcile(Estimate({{Turned(10), 0}}, 0), Estimate({{Turned(90), 0}}, 0));
   EXPECT_EQ(both.confidence, 0);
