@@ -123,7 +123,7 @@ class EvaluateCommand : public Command {
       line.Show(progress);
     };
     const ReferenceModels models = ReferenceModels::Load(method_.model, common_.device);
-    const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
+    const auto matcher = MakeMatcher(method_.MatcherFor("matching"), SelectDevice(common_.device));
     nlohmann::ordered_json json;
     const auto add = [&](const char* name, const OrientationErrors& errors) {
       json[name] = {{"views", errors.elevation.size()}, {"failures", errors.failures},

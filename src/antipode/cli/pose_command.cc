@@ -101,7 +101,7 @@ class PoseCommand : public Command {
     result.query = LoadPhotograph(query_, "query");
     const ReferenceModels models = ReferenceModels::Load(method_.model, common_.device);
     const Reference reference = LoadReference(reference_.path, models.identity);
-    const auto matcher = MakeMatcher(method_.matcher, SelectDevice(common_.device));
+    const auto matcher = MakeMatcher(method_.MatcherFor("diffusion"), SelectDevice(common_.device));
     ViewComparison comparison = method_.comparison.Load(SelectDevice(common_.device));
     ProgressLine line(common_.ProgressMode());
     const std::vector<std::string> warnings = comparison.Prepare(reference, reference_.path, [&](const Progress& progress) {

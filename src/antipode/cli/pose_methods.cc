@@ -9,6 +9,7 @@
 #include "antipode/evaluation/baselines.h"
 #include "antipode/image/load.h"
 #include "antipode/matching/matchers.h"
+#include "antipode/matching/xfeat_matcher.h"
 #include "antipode/nn/device.h"
 #include "antipode/pose/object_pose.h"
 #include "antipode/pose/two_way.h"
@@ -48,7 +49,7 @@ PoseMethod MatchingMethod(const std::string& matcher_name, const MethodRequest& 
 }
 
 PoseMethod AutoMethod(const MethodRequest& request) {
-  auto matcher = std::async(std::launch::async, [&] { return LoadMatcher(request.matcher, request); });
+  auto matcher = std::async(std::launch::async, [&] { return LoadMatcher(request.MatcherFor(request.method), request); });
   const auto prior = LoadPrior(request);
   return OnPhotographs("auto", [prior, matcher = matcher.get(), options = request.options](const auto& reference, const auto& query) {
     return EstimatePoseByBoth(*prior, *matcher, reference, query, options);
@@ -131,7 +132,7 @@ class DiffusionRoute {
 };
 
 PoseMethod DiffusionMethod(const MethodRequest& request) {
-  auto route = std::make_shared<DiffusionRoute>(request, LoadMatcher(request.matcher, request));
+  auto route = std::make_shared<DiffusionRoute>(request, LoadMatcher(request.MatcherFor(request.method), request));
   return {"diffusion", [route](const PairToEstimate& pair) { return route->Estimate(pair); }};
 }
 
@@ -187,7 +188,7 @@ PoseMethod LoadOneWay(const MethodRequest& request) {
   if (name == "auto") return AutoMethod(request);
   if (name == "prior") return PriorMethod(request);
   if (name == "diffusion") return DiffusionMethod(request);
-  if (name == "matching") return MatchingMethod(request.matcher, request);
+  if (name == "matching") return MatchingMethod(request.MatcherFor(request.method), request);
   if (IsMatcher(name)) return MatchingMethod(name, request);
   if (name.starts_with(kPredictions)) return Predictions(name.substr(kPredictions.size()));
   for (const auto& [suffix, solver] : {std::pair{kPnp, DepthSolver::kPnp}, {kProcrustes, DepthSolver::kProcrustes}}) {
@@ -199,6 +200,11 @@ PoseMethod LoadOneWay(const MethodRequest& request) {
 
 }  // namespace
 
+std::string MethodRequest::MatcherFor(const std::string& method_name) const {
+  if (!matcher.empty()) return matcher;
+  return method_name == "auto" ? kObjectLighterGlueModel : kXFeatLighterGlueModel;
+}
+
 void MethodRequest::Declare(CLI::App& app) {
   app.add_option("--method", method,
                  "auto: prior and matching together; prior: what the object looks like from all sides; matching: "
@@ -206,7 +212,9 @@ void MethodRequest::Declare(CLI::App& app) {
       ->capture_default_str()->type_name("NAME");
   app.add_option("--model", model, "The prior: name of a model (see 'antipode models list') or its folder")
       ->capture_default_str()->type_name("NAME|FOLDER");
-  app.add_option("--matcher", matcher, JoinNames(MatcherNames()) + ", or the folder of a trained one")->capture_default_str()->type_name("NAME|FOLDER");
+  app.add_option("--matcher", matcher, JoinNames(MatcherNames()) + ", or the folder of a trained one; without: " + kObjectLighterGlueModel +
+                                           " for auto, else " + kXFeatLighterGlueModel)
+      ->type_name("NAME|FOLDER");
   app.add_flag("--two-way", two_way, "Estimate with the photographs swapped, too, and reconcile both; takes twice as long");
   app.add_flag_callback("--upright", [this] { options.roll = CameraRoll::kLevel; },
                         "The object stands upright and both cameras were held level: weighs the prior's hypotheses by how well they agree");

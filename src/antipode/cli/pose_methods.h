@@ -16,7 +16,7 @@ namespace antipode {
 struct MethodRequest {
   std::string method = "auto";
   std::string model = "prior";                 ///< of the prior: a name or a folder
-  std::string matcher = "xfeat-lighterglue";
+  std::string matcher;                         ///< empty: the one that suits the method, see MatcherFor
   std::string device = "auto";
   TwoViewPoseOptions options;
   bool two_way = false;                ///< also with the photographs swapped, see Reconcile
@@ -25,6 +25,10 @@ struct MethodRequest {
   /// Folder of data set objects that are their own meshes: for "diffusion" with the synthesiser "mesh".
   std::filesystem::path object_meshes;
   ProgressCallback progress = {};      ///< of making views
+
+  /// What the user chose, else what suits a method: "auto" weighs matches by the prior, so that a matcher which finds more of
+  /// them from far apart serves it best.
+  std::string MatcherFor(const std::string& method_name) const;
 
   /// Declares --method, --model, --matcher, --two-way and the options of the synthesis.
   void Declare(CLI::App& app);
