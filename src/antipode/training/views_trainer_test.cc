@@ -58,7 +58,9 @@ TEST(TrainViews, OverfitsOneObject) {
   torch::set_num_threads(1);  // faster than two for so small a network
   const TemporaryFolder temporary;
   ViewsTrainingOptions options = TinyTraining(temporary.path());
-  options.iterations = 800;
+  options.iterations = 600;
+  options.views.views_per_object = options.views_per_object = 3;  // six pairs of a picture and a view: soon known by heart
+  options.learning_rate = 2e-3;
   const ViewsTrainingResult result = TrainViews(options, TinyConfig());
   EXPECT_LT(result.last_loss, 0.3 * result.first_loss) << result.first_loss << " to " << result.last_loss;
 
@@ -68,17 +70,16 @@ TEST(TrainViews, OverfitsOneObject) {
   const ViewCache cache = ViewCache::OpenOrRender(options.out / "cache", MeshCollection::Open(options.objects), options.views, {});
   const auto [picture, picture_pose] = PlainView(cache, 0, 16, options.augmentation);
   double sampled = 0, copied = 0;
-  for (int view = 1; view < 4; ++view) {
+  for (int view = 1; view < 3; ++view) {
     const auto [truth, pose] = PlainView(cache, view, 16, options.augmentation);
     const std::vector<ViewCondition> condition{{pose * picture_pose.transpose(), {}}};
     const std::vector<std::string> name{std::to_string(view)};
     const Zero123Options sampling{.solver = Solver::kDpmSolverPlusPlus, .steps = 12, .eta = 0, .guidance_scale = 1};
-    sampled += PeakSignalToNoise(model->SampleViews(picture * 2 - 1, condition, name, sampling), truth) / 3;
-    copied += PeakSignalToNoise(picture, truth) / 3;
+    sampled += PeakSignalToNoise(model->SampleViews(picture * 2 - 1, condition, name, sampling), truth) / 2;
+    copied += PeakSignalToNoise(picture, truth) / 2;
   }
   RecordProperty("psnr_of_sampled_views_db", std::to_string(sampled));
-  EXPECT_GT(sampled, 14.5) << "a sampled view resembles its target";
-  EXPECT_GT(sampled, copied + 1.5) << "more than the picture itself does";
+  EXPECT_GT(sampled, copied + 2) << "a sampled view resembles its target more than the picture itself does";
 }
 
 TEST(TrainViews, ResumesWhereItStopped) {

@@ -28,11 +28,11 @@ UnetConfig WithChannels(UnetConfig unet, int cell, int guide_channels) {
 
 }  // namespace
 
-ViewDiffusionConfig ViewDiffusionConfig::Small(std::int64_t base_width) {
+ViewDiffusionConfig ViewDiffusionConfig::Small(std::int64_t base_width, int cell) {
   ViewDiffusionConfig config;
   config.unet.base_width = base_width;
-  config.cell = 2;
-  config.unet.multipliers = {2, 3, 3};
+  config.cell = cell;
+  config.unet.multipliers = cell < 4 ? std::vector<std::int64_t>{2, 3, 3} : std::vector<std::int64_t>{2, 3};
   config.unet.residual_blocks = 1;
   config.unet.attention_factors = {2};
   config.unet.heads = base_width / 8;
