@@ -1,8 +1,8 @@
 #include "antipode/nn/depthwise_conv.h"
 
-#include <ATen/Parallel.h>
+#include <vector>
 
-#include <mutex>
+#include <ATen/Parallel.h>
 
 #include "antipode/nn/depthwise_gradient.h"
 
@@ -33,18 +33,24 @@ Gradients ComputeGradients(const Tensor& input, const Tensor& weight, const Tens
   const auto* x = reinterpret_cast<const Stored*>(input.const_data_ptr<Scalar>());
   const auto* g = reinterpret_cast<const Stored*>(output_gradient.const_data_ptr<Scalar>());
   auto* dx = reinterpret_cast<Stored*>(input_gradient.data_ptr<Scalar>());
-  std::mutex sum_mutex;
+  // One part for each thread's share, at its first image; summed in order, so that rounding does not depend on who is faster.
+  struct Part {
+    std::vector<float> weight, bias;
+  };
+  std::vector<Part> parts(shape.batch);
   at::parallel_for(0, shape.batch, 1, [&](std::int64_t begin, std::int64_t end) {
     const int first = static_cast<int>(begin), last = static_cast<int>(end);
     DepthwiseInputGradient(shape, g, taps.const_data_ptr<float>(), dx, first, last);
-    std::vector<float> weight_part(kernel * kernel * channels, 0.0f), bias_part(channels, 0.0f);
-    AddDepthwiseWeightGradient(shape, x, g, weight_part.data(), bias_part.data(), first, last);
-    const std::lock_guard lock(sum_mutex);
-    float* weight_sum = tap_gradient.data_ptr<float>();
-    float* bias_sum = bias_gradient.data_ptr<float>();
-    for (std::size_t i = 0; i < weight_part.size(); ++i) weight_sum[i] += weight_part[i];
-    for (int c = 0; c < channels; ++c) bias_sum[c] += bias_part[c];
+    Part& part = parts[begin] = {std::vector<float>(kernel * kernel * channels), std::vector<float>(channels)};
+    AddDepthwiseWeightGradient(shape, x, g, part.weight.data(), part.bias.data(), first, last);
   });
+  const auto add = [](const std::vector<float>& part, float* sum) {
+    for (const float value : part) *sum++ += value;
+  };
+  for (const Part& part : parts) {
+    add(part.weight, tap_gradient.data_ptr<float>());
+    add(part.bias, bias_gradient.data_ptr<float>());
+  }
   return {input_gradient, tap_gradient.t().reshape_as(weight).to(weight.dtype()),
           bias_gradient.to(weight.dtype())};
 }

@@ -11,8 +11,8 @@
 namespace antipode {
 
 struct RankerTrainingOptions {
-  std::filesystem::path objects;             ///< folder of .glb files to train on
-  std::filesystem::path validation_objects;  ///< folder to calibrate and measure on; may be empty
+  std::filesystem::path objects;             ///< folder or pack of .glb files to train on
+  std::filesystem::path validation_objects;  ///< folder or pack to calibrate and measure on; may be empty
   std::filesystem::path out;                 ///< folder for the model prior/ and log.csv
   std::filesystem::path cache;               ///< rendered views; empty: `out / "cache"`
   std::string prior = "prior";               ///< the trained first stage
