@@ -21,6 +21,9 @@ share() {
   python3 -c "print($minutes * $1 / 100)"
 }
 
+# Groups of views for the second stage: encoding them takes about as long as the budget that they are for.
+groups=$(python3 -c "print(int(max(100, min(7000, 50 * $minutes))))")
+
 # --resume if there is something to resume.
 resume() {
   [ ! -f "$out/$1/checkpoint.safetensors" ] || echo --resume
@@ -32,7 +35,7 @@ mkdir -p "$out"
   --variants 10 --cached-views 16 --device "$device" $(resume first_stage)
 [ -d "$out/ranked/prior" ] ||
   "$program" train ranker --objects "$objects" --validation "$validation" --model "$out/first_stage/prior" --out "$out/ranked" \
-    --minutes "$(share 20)"
+    --groups "$groups" --minutes "$(share 20)"
 [ -d "$out/upright/upright" ] ||
   "$program" train upright --objects "$objects" --model "$out/ranked/prior" --out "$out/upright" --cache "$out/first_stage/cache" \
     --variants 10 --cached-views 16
