@@ -16,9 +16,9 @@ inline constexpr std::uint32_t kNoTriangle = 0xffffffffu;
 /// Directions of rays from one origin; rays with `active` 0 are not cast, those with -1 are.
 struct RayPacket {
   alignas(64) std::array<std::int32_t, kPacketSize> active{};
-  alignas(64) std::array<float, kPacketSize> x;
-  alignas(64) std::array<float, kPacketSize> y;
-  alignas(64) std::array<float, kPacketSize> z;
+  alignas(64) std::array<float, kPacketSize> x{};
+  alignas(64) std::array<float, kPacketSize> y{};
+  alignas(64) std::array<float, kPacketSize> z{};
 };
 
 /// The nearest hit of each ray: origin + distance * direction = (1 - u - v) p0 + u p1 + v p2.
