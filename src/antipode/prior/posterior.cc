@@ -19,7 +19,8 @@ constexpr double kConvergedStep = 1e-5;  // radians; Newton's next one would be 
 constexpr double kLongestStep = 0.15;    // radians, inside one lobe of a band-limited score
 constexpr double kRounding = 1e-12;
 constexpr std::size_t kRotationsAtOnce = 512;
-constexpr std::size_t kCandidates = 1000;        // rotations of the grid that may be starts
+constexpr std::size_t kCandidates = 2000;  // rotations of the grid that may be starts
+constexpr double kNeighbourDeg = 10;       // between rotations of the grid, about
 constexpr double kLeastWeight = 1e-10;           // of a rotation of the grid that counts; all others weigh less than 2e-6
 
 /// The cosine-like quantity trace(A^T B): monotone in the angle between rotations and cheap.
@@ -192,8 +193,8 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
                                                        const PosteriorOptions& options) const {
   const Eigen::VectorXd weights = GridWeights(CheckedGridScores(correlation, options));
   // Peaks are sought among more grid maxima than asked for: the one with the most mass comes first.
-  const std::size_t most = 2 * static_cast<std::size_t>(options.max_modes) + 2;
-  std::vector<Eigen::Matrix3d> peaks = LocalMaxima(grid_, BestFirst(weights), options.separation_deg / 2, most);
+  const std::size_t most = 4 * static_cast<std::size_t>(options.max_modes) + 4;
+  std::vector<Eigen::Matrix3d> peaks = LocalMaxima(grid_, BestFirst(weights), kNeighbourDeg, most);
   at::parallel_for(0, static_cast<std::int64_t>(peaks.size()), 1, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) peaks[i] = Maximize(correlation, peaks[i]);
   });
