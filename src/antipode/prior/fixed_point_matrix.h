@@ -19,7 +19,7 @@ class FixedPointMatrix {
   /// @throws Error if a row has another length; values beyond -1..1 become the nearest end
   void AppendRows(const RowMajorMatrixXf& rows);
 
-  /// The product with a vector; rows are shared out among the threads of LibTorch.
+  /// The product with a vector; rows are shared out among the threads of LibTorch. @throws Error if the length differs
   Eigen::VectorXf operator*(const Eigen::VectorXf& vector) const;
 
   Eigen::Index rows() const { return static_cast<Eigen::Index>(values_.size()) / stride_; }

@@ -16,12 +16,12 @@ namespace {
 
 constexpr int kMaxNewtonSteps = 12;
 constexpr double kConvergedStep = 1e-5;  // radians; Newton's next one would be about its square
-constexpr double kLongestStep = 0.15;    // radians, inside one lobe of a band-limited score
+constexpr double kLongestStep = 0.15;  // radians, inside one lobe of a band-limited score
 constexpr double kRounding = 1e-12;
 constexpr std::size_t kRotationsAtOnce = 512;
 constexpr std::size_t kCandidates = 2000;  // rotations of the grid that may be starts
 constexpr double kNeighbourDeg = 10;       // between rotations of the grid, about
-constexpr double kLeastWeight = 1e-10;           // of a rotation of the grid that counts; all others weigh less than 2e-6
+constexpr double kLeastWeight = 1e-10;     // of a rotation of the grid that counts; all others weigh less than 2e-6
 
 /// The cosine-like quantity trace(A^T B): monotone in the angle between rotations and cheap.
 double TraceOfDifference(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
@@ -215,9 +215,15 @@ void RotationPosterior::AddMass(const Eigen::VectorXd& weights, double radius_de
   for (std::size_t g = 0; g < grid_.size(); ++g) {
     const double weight = weights[static_cast<Eigen::Index>(g)];
     if (weight < kLeastWeight) continue;
-    const auto closeness = [&](const RotationMode& mode) { return TraceOfDifference(mode.rotation, grid_[g]); };
-    const auto nearest = std::ranges::max_element(modes, {}, closeness);
-    if (nearest != modes.end() && closeness(*nearest) >= least_trace) nearest->probability += weight;
+    RotationMode* nearest = nullptr;
+    double nearest_trace = least_trace;
+    for (RotationMode& mode : modes) {
+      const double trace = TraceOfDifference(mode.rotation, grid_[g]);
+      if (trace < nearest_trace) continue;
+      nearest = &mode;
+      nearest_trace = trace;
+    }
+    if (nearest != nullptr) nearest->probability += weight;
   }
 }
 
