@@ -64,8 +64,8 @@ function(antipode_use_torch_precompiled_header target)
 endfunction()
 
 # Sources that call at::parallel_for, which is compiled into its callers: without OpenMP it runs on one thread, silently.
+# FindLibTorch.cmake has looked for it.
 function(antipode_parallel_sources)
-  find_package(OpenMP COMPONENTS CXX)
   if(OpenMP_CXX_FOUND)
     # The precompiled header was made without these flags.
     set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS ${OpenMP_CXX_FLAGS} SKIP_PRECOMPILE_HEADERS ON)

@@ -29,6 +29,7 @@ if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
   endif()
   get_filename_component(LibTorch_LIBRARY_DIR ${LibTorch_c10_LIBRARY} DIRECTORY)
   target_link_libraries(LibTorch::LibTorch INTERFACE ${libraries})
+  # For callers of at::parallel_for, see antipode_parallel_sources. LibTorch brings the library under the same name.
   find_package(OpenMP COMPONENTS CXX)
   if(OpenMP_CXX_FOUND)
     target_link_libraries(LibTorch::LibTorch INTERFACE $<LINK_ONLY:OpenMP::OpenMP_CXX>)
