@@ -19,7 +19,8 @@
 namespace antipode {
 namespace {
 
-void DeclareObjects(CLI::App& app, std::filesystem::path& objects, const char* description) {
+void DeclareObjects(CLI::App& app, std::filesystem::path& objects,
+                    const char* description = "Folder of .glb files to train on, or a pack of them (train pack)") {
   app.add_option("--objects", objects, description)->required()->type_name("DIR|PACK");
 }
 
@@ -51,7 +52,7 @@ class TrainPriorCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
+    DeclareObjects(app, options_.objects);
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model prior/")
         ->required()->type_name("DIR");
     app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to measure on")
@@ -128,7 +129,7 @@ class TrainRankerCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
+    DeclareObjects(app, options_.objects);
     app.add_option("--out", options_.out, "Folder for log.csv and the model prior/, both stages in one")->required()->type_name("DIR");
     app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to calibrate on; without: as it was")->type_name("DIR|PACK");
     app.add_option("--model", options_.prior, "The first stage: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
@@ -210,7 +211,7 @@ class TrainViewsCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
+    DeclareObjects(app, options_.objects);
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model views/")->required()->type_name("DIR");
     DeclareCache(app, options_.cache, options_.views);
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
@@ -276,7 +277,7 @@ class TrainMatcherCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
+    DeclareObjects(app, options_.objects);
     app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model object-lighterglue/")->required()->type_name("DIR");
     app.add_option("--start", options_.start, "Model that training starts from")->capture_default_str()->type_name("NAME|FOLDER");
     app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
@@ -323,7 +324,7 @@ class TrainViewComparisonCommand : public Command {
   }
 
   void DeclareOptions(CLI::App& app) override {
-    DeclareObjects(app, options_.objects, "Folder of .glb files to train on, or a pack of them (train pack)");
+    DeclareObjects(app, options_.objects);
     app.add_option("--out", options_.out, "Folder for the model and log.csv")->required()->type_name("DIR");
     app.add_option("--backbone", backbone_, "efficientnet-lite0: small, shares that of the prior; vgg11-bn: the published size")
         ->capture_default_str()->type_name("NAME");

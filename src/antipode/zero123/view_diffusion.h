@@ -39,8 +39,8 @@ struct ViewDiffusionConfig {
   int guide_channels = 0;
   int GuideSize() const { return image_size / 4; }  ///< side of these maps
 
-  /// 64 pixels in cells, levels of 32 x 32 (cells of 2) down to 8 x 8 cells, multipliers 2, 3, 3 or 2, 3: one residual block each, attention at the
-  /// second one. Cells of 4 learn several times as fast as cells of 2, and show less detail.
+  /// 64 pixels in cells. Of cells of 2: levels of 32, 16 and 8 cells a side, multipliers 2, 3, 3; of 4: of 16 and 8, multipliers
+  /// 2, 3, several times as fast, in less detail. One residual block a level, attention at the second one.
   static ViewDiffusionConfig Small(std::int64_t base_width = 32, int cell = 2);
   void Check() const;
 
