@@ -99,25 +99,5 @@ TEST(Wigner, GeneratorsAreTheDerivative) {
   }
 }
 
-TEST(SuperFibonacci, IntegratesTheWignerMatricesToZero) {
-  // The mean of D_l over the uniform distribution is zero for every l > 0.
-  const auto rotations = SuperFibonacciRotations(4096);
-  const Eigen::RowVectorXf mean = WignerMatrices(rotations, 6).colwise().mean();
-  EXPECT_NEAR(mean[0], 1, 1e-5);
-  EXPECT_LT(mean.tail(mean.size() - 1).cwiseAbs().maxCoeff(), 0.01);
-}
-
-TEST(SuperFibonacci, CoversEveryRotation) {
-  std::mt19937_64 random(5);
-  const auto rotations = SuperFibonacciRotations(4096);
-  for (int trial = 0; trial < 100; ++trial) {
-    const Eigen::Matrix3d target = RandomRotation(random);
-    double nearest = M_PI;
-    for (const auto& rotation : rotations)
-      nearest = std::min(nearest, Eigen::AngleAxisd(rotation.transpose() * target).angle());
-    EXPECT_LT(nearest * 180 / M_PI, 16);
-  }
-}
-
 }  // namespace
 }  // namespace antipode

@@ -8,20 +8,18 @@
 #include <Eigen/Dense>
 
 #include "antipode/geometry/rotation.h"
-#include "antipode/geometry/so3_grid.h"
+#include "antipode/prior/correlation.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
 namespace {
 
 constexpr int kMaxNewtonSteps = 12;
-constexpr double kConvergedStep = 1e-5;  // radians; Newton's next one would be about its square
+constexpr double kConvergedStep = 1e-3;  // radians; Newton's next one would be about its square
 constexpr double kLongestStep = 0.15;  // radians, inside one lobe of a band-limited score
 constexpr double kRounding = 1e-12;
-constexpr std::size_t kRotationsAtOnce = 512;
-constexpr std::size_t kCandidates = 2000;  // rotations of the grid that may be starts
-constexpr double kNeighbourDeg = 10;       // between rotations of the grid, about
-constexpr double kLeastWeight = 1e-10;     // of a rotation of the grid that counts; all others weigh less than 2e-6
+constexpr double kNeighbourDeg = 10;    // between rotations of the grid, about
+constexpr double kLeastWeight = 1e-10;  // of a rotation of the grid that counts; all others weigh less than 3e-6
 
 /// The cosine-like quantity trace(A^T B): monotone in the angle between rotations and cheap.
 double TraceOfDifference(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
@@ -34,35 +32,6 @@ double TraceAtAngle(double degrees) { return 1 + 2 * std::cos(RadiansFromDegrees
 Eigen::VectorXd GridWeights(const Eigen::VectorXf& scores) {
   const Eigen::VectorXd weights = (scores.array() - scores.maxCoeff()).exp().cast<double>();
   return weights / weights.sum();
-}
-
-/// The indices of the greatest weights, best first: only these rotations could carry a mode worth reporting.
-std::vector<int> BestFirst(const Eigen::VectorXd& weights) {
-  std::vector<int> order;
-  for (int g = 0; g < weights.size(); ++g)
-    if (weights[g] >= kLeastWeight) order.push_back(g);
-  const auto is_better = [&](int a, int b) { return weights[a] > weights[b]; };
-  if (order.size() > kCandidates) {
-    std::ranges::nth_element(order, order.begin() + kCandidates, is_better);
-    order.resize(kCandidates);
-  }
-  std::ranges::sort(order, is_better);
-  return order;
-}
-
-/// Of rotations, best first, the first `most` without a better one within an angle: what is left out would lead to the same peaks.
-std::vector<Eigen::Matrix3d> LocalMaxima(std::span<const Eigen::Matrix3d> rotations, const std::vector<int>& best_first,
-                                         double angle_deg, std::size_t most) {
-  const auto least_cosine = static_cast<float>(std::cos(RadiansFromDegrees(angle_deg / 2)));  // of quaternions
-  Eigen::MatrixX4f better(best_first.size(), 4);
-  std::vector<Eigen::Matrix3d> maxima;
-  for (Eigen::Index i = 0; i < better.rows() && maxima.size() < most; ++i) {
-    const Eigen::Matrix3d& rotation = rotations[best_first[i]];
-    better.row(i) = Eigen::Quaterniond(rotation).coeffs().transpose().cast<float>();
-    const bool is_highest = i == 0 || (better.topRows(i) * better.row(i).transpose()).cwiseAbs().maxCoeff() < least_cosine;
-    if (is_highest) maxima.push_back(rotation);
-  }
-  return maxima;
 }
 
 }  // namespace
@@ -108,10 +77,11 @@ void GridPosterior::ScaleAround(const Eigen::Matrix3d& rotation, double factor, 
 }
 
 RotationPosterior::RotationPosterior(int max_degree, int grid_size)
-    : max_degree_(max_degree), grid_(SuperFibonacciRotations(grid_size)), grid_wigner_(WignerSize(max_degree)) {
-  const std::span<const Eigen::Matrix3d> grid(grid_);
-  for (std::size_t begin = 0; begin < grid.size(); begin += kRotationsAtOnce)
-    grid_wigner_.AppendRows(WignerMatrices(grid.subspan(begin, std::min(kRotationsAtOnce, grid.size() - begin)), max_degree));
+    : max_degree_(max_degree),
+      grid_(grid_size),
+      neighbours_(grid_.FindNeighbours(kNeighbourDeg)),
+      cell_wigner_(ToTensor(WignerMatrices(grid_.cell(), max_degree))) {
+  for (const Eigen::Matrix3d& turn : grid_.turns()) turn_wigner_.push_back(WignerMatrices(turn, max_degree));
   for (int l = 1; l <= max_degree; ++l) derivatives_.push_back(DerivativesOf(l));
 }
 
@@ -125,6 +95,20 @@ RotationPosterior::Derivatives RotationPosterior::DerivativesOf(int degree) {
       derivatives.second[pair++] = sparse(0.5 * (generators[a] * generators[b] + generators[b] * generators[a]));
   }
   return derivatives;
+}
+
+Eigen::VectorXf RotationPosterior::GridScores(const Eigen::VectorXf& correlation) const {
+  const Eigen::VectorXd scores = correlation.cast<double>();
+  RowMajorMatrixXf turned(turn_wigner_.size(), correlation.size());
+  for (Eigen::Index j = 0; j < turned.rows(); ++j)
+    for (int l = 0; l <= max_degree_; ++l) {
+      using RowMajorBlock = Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+      RowMajorBlock(turned.row(j).data() + WignerOffset(l), 2 * l + 1, 2 * l + 1) =
+          (WignerBlock(scores, l) * WignerBlock(turn_wigner_[j], l).transpose()).cast<float>();
+    }
+  const torch::InferenceMode inference;
+  const torch::Tensor products = torch::matmul(cell_wigner_, ToTensor(turned).t()).contiguous();
+  return Eigen::Map<const Eigen::VectorXf>(products.const_data_ptr<float>(), products.numel());
 }
 
 double RotationPosterior::Score(const Eigen::VectorXf& correlation,
@@ -186,7 +170,7 @@ Eigen::VectorXf RotationPosterior::CheckedGridScores(const Eigen::VectorXf& corr
 }
 
 GridPosterior RotationPosterior::OnGrid(const Eigen::VectorXf& correlation, const PosteriorOptions& options) const {
-  return {grid_, GridWeights(CheckedGridScores(correlation, options))};
+  return {grid(), GridWeights(CheckedGridScores(correlation, options))};
 }
 
 std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& correlation,
@@ -194,7 +178,7 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
   const Eigen::VectorXd weights = GridWeights(CheckedGridScores(correlation, options));
   // Peaks are sought among more grid maxima than asked for: the one with the most mass comes first.
   const std::size_t most = 4 * static_cast<std::size_t>(options.max_modes) + 4;
-  std::vector<Eigen::Matrix3d> peaks = LocalMaxima(grid_, BestFirst(weights), kNeighbourDeg, most);
+  std::vector<Eigen::Matrix3d> peaks = LocalMaxima(weights, most);
   at::parallel_for(0, static_cast<std::int64_t>(peaks.size()), 1, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) peaks[i] = Maximize(correlation, peaks[i]);
   });
@@ -210,20 +194,34 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
   return modes;
 }
 
-void RotationPosterior::AddMass(const Eigen::VectorXd& weights, double radius_deg, std::vector<RotationMode>& modes) const {
-  const double least_trace = TraceAtAngle(radius_deg);
-  for (std::size_t g = 0; g < grid_.size(); ++g) {
-    const double weight = weights[static_cast<Eigen::Index>(g)];
-    if (weight < kLeastWeight) continue;
-    RotationMode* nearest = nullptr;
-    double nearest_trace = least_trace;
-    for (RotationMode& mode : modes) {
-      const double trace = TraceOfDifference(mode.rotation, grid_[g]);
-      if (trace < nearest_trace) continue;
-      nearest = &mode;
-      nearest_trace = trace;
+std::vector<Eigen::Matrix3d> RotationPosterior::LocalMaxima(const Eigen::VectorXd& weights, std::size_t most) const {
+  std::vector<int> maxima;
+  for (std::size_t i = 0; i < neighbours_.size(); ++i) {
+    for (std::size_t j = 0; j < grid_.turns().size(); ++j) {
+      const int index = grid_.IndexOf(static_cast<int>(i), static_cast<int>(j));
+      if (weights[index] < kLeastWeight) continue;
+      const bool is_highest = std::ranges::none_of(neighbours_[i], [&](const CubeSymmetricGrid::Element& other) {
+        return weights[grid_.IndexOf(other.cell, grid_.ProductOf(other.turn, static_cast<int>(j)))] > weights[index];
+      });
+      if (is_highest) maxima.push_back(index);
     }
-    if (nearest != nullptr) nearest->probability += weight;
+  }
+  std::ranges::stable_sort(maxima, std::ranges::greater(), [&](int index) { return weights[index]; });
+  if (maxima.size() > most) maxima.resize(most);
+  std::vector<Eigen::Matrix3d> rotations;
+  for (const int index : maxima) rotations.push_back(grid()[index]);
+  return rotations;
+}
+
+void RotationPosterior::AddMass(const Eigen::VectorXd& weights, double radius_deg, std::vector<RotationMode>& modes) const {
+  Eigen::MatrixX4d quaternions(modes.size(), 4);
+  for (Eigen::Index k = 0; k < quaternions.rows(); ++k) quaternions.row(k) = QuaternionWxyz(modes[k].rotation).transpose();
+  const double least_cosine = std::cos(RadiansFromDegrees(radius_deg / 2));
+  for (Eigen::Index g = 0; g < weights.size(); ++g) {
+    if (weights[g] < kLeastWeight) continue;
+    Eigen::Index nearest = 0;
+    const double cosine = quaternions.lazyProduct(grid_.quaternions().col(g)).cwiseAbs().maxCoeff(&nearest);
+    if (cosine >= least_cosine) modes[nearest].probability += weights[g];
   }
 }
 

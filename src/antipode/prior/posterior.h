@@ -6,9 +6,10 @@
 
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
+#include <torch/torch.h>
 
+#include "antipode/geometry/so3_grid.h"
 #include "antipode/geometry/wigner.h"
-#include "antipode/prior/fixed_point_matrix.h"
 
 namespace antipode {
 
@@ -57,8 +58,8 @@ struct GridPosterior {
 /// Evaluates and maximises band-limited scores s(R) = sum_l <C_l, D_l(R)> over SO(3).
 class RotationPosterior {
  public:
-  /// Precomputes the Wigner matrices of `grid_size` super-Fibonacci rotations (about 40 MB for 20,736 and L = 8).
-  explicit RotationPosterior(int max_degree, int grid_size = 20736);
+  /// @param grid_size about how many rotations the grid has, see CubeSymmetricGrid
+  explicit RotationPosterior(int max_degree, int grid_size = 21000);
 
   /// Peaks, best first: grid maxima, refined by Newton's method on SO(3). Their balls are cut where they
   /// overlap (a grid rotation counts for the nearest peak), so the probabilities sum to at most 1.
@@ -69,8 +70,9 @@ class RotationPosterior {
   /// The result refers to this object's grid.
   GridPosterior OnGrid(const Eigen::VectorXf& correlation, const PosteriorOptions& options = {}) const;
 
-  /// s(R) of every rotation of the grid.
-  Eigen::VectorXf GridScores(const Eigen::VectorXf& correlation) const { return grid_wigner_ * correlation; }
+  /// s(R) of every rotation of the grid. For R = R_i G_j it is sum_l <C_l D_l(G_j)^T, D_l(R_i)>, so that the Wigner matrices of the
+  /// cell serve for all of the grid, and fit in the cache.
+  Eigen::VectorXf GridScores(const Eigen::VectorXf& correlation) const;
 
   double Score(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& rotation) const;
 
@@ -78,7 +80,7 @@ class RotationPosterior {
   Eigen::Matrix3d Maximize(const Eigen::VectorXf& correlation, const Eigen::Matrix3d& start) const;
 
   int max_degree() const { return max_degree_; }
-  const std::vector<Eigen::Matrix3d>& grid() const { return grid_; }
+  const std::vector<Eigen::Matrix3d>& grid() const { return grid_.rotations(); }
 
  private:
   /// With R = exp([w]) R0: s(w) = s + g.w + w.H w / 2 + .., and P = C D(R0)^T of one degree: g_a = <P, G_a>, H_ab = <P, S_ab>.
@@ -95,13 +97,18 @@ class RotationPosterior {
   /// s(R) / temperature of every rotation of the grid. @throws Error if they are not finite, or the degree differs
   Eigen::VectorXf CheckedGridScores(const Eigen::VectorXf& correlation, const PosteriorOptions& options) const;
 
+  /// The rotations of the grid that weigh at least as much as all their neighbours, best first.
+  std::vector<Eigen::Matrix3d> LocalMaxima(const Eigen::VectorXd& weights, std::size_t most) const;
+
   /// Adds the weight of every rotation of the grid to the nearest mode, if that is within the radius.
   void AddMass(const Eigen::VectorXd& weights, double radius_deg, std::vector<RotationMode>& modes) const;
 
   int max_degree_;
-  std::vector<Eigen::Matrix3d> grid_;
-  FixedPointMatrix grid_wigner_;
-  std::vector<Derivatives> derivatives_;  ///< of degrees 1..L, at index l - 1
+  CubeSymmetricGrid grid_;
+  std::vector<std::vector<CubeSymmetricGrid::Element>> neighbours_;  ///< of the rotations of the cell
+  torch::Tensor cell_wigner_;                                        ///< [cell, WignerSize]
+  std::vector<Eigen::VectorXd> turn_wigner_;                         ///< of the turns
+  std::vector<Derivatives> derivatives_;                             ///< of degrees 1..L, at index l - 1
 };
 
 }  // namespace antipode
