@@ -139,6 +139,9 @@ class TrainRankerCommand : public Command {
     app.add_option("--groups", options_.groups, "Groups of views of one object that are encoded")->capture_default_str()->type_name("N");
     app.add_option("--batch", options_.batch, "Pairs a step")->capture_default_str()->type_name("N");
     app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
+    app.add_option("--points", options_.ranker.points, "Of the sphere, where the codes are compared")->capture_default_str()->type_name("N");
+    app.add_option("--width", options_.ranker.width, "What is kept of a code at a point")->capture_default_str()->type_name("N");
+    app.add_option("--hidden", options_.ranker.hidden, "Width of the layers that compare")->capture_default_str()->type_name("N");
     common_.Declare(app);
   }
 
