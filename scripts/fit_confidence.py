@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 
-LEAST_SHARE, TELLING_SUPPORT = 1e-3, 10  # as in two_view_pose.cc
+LEAST_SHARE, TELLING_SUPPORT = 1e-2, 10  # as in two_view_pose.cc
 WEAK_PRIOR = 1e-2  # keeps the weights finite where the classes separate
 
 
@@ -32,7 +32,8 @@ def auto_features(row):
     share = min(max(float(row["share"]), LEAST_SHARE), 1 - LEAST_SHARE)
     by_itself = np.exp(-max(float(row["support"]), 0) / TELLING_SUPPORT)
     return {"constant": 1, "log odds of the share": log_odds(share),
-            "log odds of the prior's confidence": by_itself * log_odds(float(row["prior_confidence"]))}
+            "log odds of the prior's confidence": by_itself * log_odds(float(row["prior_confidence"])),
+            "by itself": by_itself}
 
 
 METHODS = {"matching": (matching_features, "rotation_deviation_deg", 15), "auto": (auto_features, "share", 30)}

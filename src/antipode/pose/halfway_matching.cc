@@ -1,5 +1,6 @@
 #include "antipode/pose/halfway_matching.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Geometry>
@@ -14,11 +15,9 @@ namespace {
 
 const cv::Vec2f kNowhere(-1e3F, -1e3F);
 
-double AngleBetweenAxesDeg(const Eigen::Matrix3d& query_from_reference) {
-  return DegreesFromRadians(std::acos(std::clamp(query_from_reference(2, 2), -1.0, 1.0)));
-}
-
 }  // namespace
+
+double AngleBetweenAxesDeg(const Eigen::Matrix3d& b_from_a) { return DegreesFromRadians(std::acos(std::clamp(b_from_a(2, 2), -1.0, 1.0))); }
 
 void HalfwayOptions::Check() const {
   if (!(dome_height >= 0)) throw InvalidOption("dome_height", "must not be negative");

@@ -8,6 +8,9 @@
 
 namespace antipode {
 
+/// Between the optical axes of two cameras, degrees.
+double AngleBetweenAxesDeg(const Eigen::Matrix3d& b_from_a);
+
 /// A smooth stand-in for a shape that is not known; lengths in object radii.
 struct HalfwayOptions {
   double dome_height = 0.6;         ///< h

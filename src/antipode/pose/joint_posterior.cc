@@ -5,13 +5,16 @@
 #include <numeric>
 
 #include "antipode/geometry/rotation.h"
+#include "antipode/pose/halfway_matching.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
 namespace {
 
-constexpr double kSupportWeight = 0.08;     // a
-constexpr double kOwnSupportWeight = 0.5;   // b
+constexpr double kSupportWeight = 0.08;  // a of WeighTogether
+// Of LogWorthByOwnMatches.
+constexpr double kMassWeight = 0.75, kOwnSupportWeight = 1.35, kSilenceWeight = 3.7;
+constexpr double kNothingInCommonDeg = 100;
 // The search leaves the centre where the crops have it and so finds less support than there is.
 constexpr double kSearchWeight = 0.2;
 constexpr double kLeastMass = 1e-6;    // of a hypothesis, so that matches can speak for any
@@ -51,7 +54,10 @@ double LogWorth(const JointHypothesis& hypothesis) {
 }
 
 double LogWorthByOwnMatches(const JointHypothesis& hypothesis) {
-  return kOwnSupportWeight * Deviations(hypothesis) + std::log(hypothesis.prior_mass + kLeastMass);
+  const double angle = AngleBetweenAxesDeg(hypothesis.query_crop_from_reference_crop.rotation);
+  const double in_common = std::max(0.0, 1 - angle / kNothingInCommonDeg);
+  return kMassWeight * std::log(hypothesis.prior_mass + kLeastMass) + kOwnSupportWeight * std::sqrt(Deviations(hypothesis)) -
+         kSilenceWeight * in_common * in_common;
 }
 
 /// Sorted, without those near a better one, with their shares.
@@ -86,17 +92,18 @@ std::vector<JointHypothesis> WeighTogether(const CentredGeometry& matches, const
                                            std::span<const Eigen::Matrix3d> further_starts,
                                            const JointPosteriorOptions& options) {
   options.Check();
-  std::vector<Eigen::Matrix3d> starts = StartsOnGrid(matches, prior, options);
-  for (const RotationMode& mode : modes) starts.push_back(mode.rotation);
-  starts.insert(starts.end(), further_starts.begin(), further_starts.end());
-
   std::vector<JointHypothesis> hypotheses;
   const auto add = [&](const CentredGeometry::SupportedPose& pose, bool is_refined) {
     const double mass = prior.MassAround(pose.query_from_reference.rotation);
     hypotheses.push_back({pose.query_from_reference, mass, pose.support, matches.Matches(), 0, is_refined});
   };
   for (const RotationMode& mode : modes) add(matches.Centred(mode.rotation), false);
-  for (const Eigen::Matrix3d& start : starts) add(matches.Refine(start), true);
+  if (matches.Matches() > 0) {
+    std::vector<Eigen::Matrix3d> starts = StartsOnGrid(matches, prior, options);
+    for (const RotationMode& mode : modes) starts.push_back(mode.rotation);
+    starts.insert(starts.end(), further_starts.begin(), further_starts.end());
+    for (const Eigen::Matrix3d& start : starts) add(matches.Refine(start), true);
+  }
   return Rank(std::move(hypotheses), LogWorth, options.separation_deg);
 }
 

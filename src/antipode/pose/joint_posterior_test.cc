@@ -15,13 +15,13 @@ const Eigen::Matrix3d kUnlikely = RotationAboutY(0.6) * RotationAboutX(0.2);
 /// 85 % of the mass around one rotation and 15 % around another.
 class TwoModes {
  public:
-  TwoModes() : grid_(SuperFibonacciRotations(8000)) {
+  explicit TwoModes(const Eigen::Matrix3d& likely = kLikely, const Eigen::Matrix3d& unlikely = kUnlikely) : grid_(SuperFibonacciRotations(8000)) {
     posterior.rotations = grid_;
     posterior.weights.resize(static_cast<Eigen::Index>(grid_.size()));
     for (std::size_t i = 0; i < grid_.size(); ++i)
-      posterior.weights[static_cast<Eigen::Index>(i)] = 0.85 * Bell(grid_[i], kLikely) + 0.15 * Bell(grid_[i], kUnlikely);
+      posterior.weights[static_cast<Eigen::Index>(i)] = 0.85 * Bell(grid_[i], likely) + 0.15 * Bell(grid_[i], unlikely);
     posterior.weights /= posterior.weights.sum();
-    modes = {{kLikely, 0.85}, {kUnlikely, 0.15}};
+    modes = {{likely, 0.85}, {unlikely, 0.15}};
   }
 
   GridPosterior posterior;
@@ -118,12 +118,21 @@ TEST(WeighByOwnMatches, KeepsTheOrderWhereNoneHasMatches) {
   EXPECT_NEAR(SumOfShares(after), 1, 1e-9);
 }
 
+TEST(WeighByOwnMatches, DoubtsThatCamerasAreNearWhereTheyHaveNothingInCommon) {
+  const Eigen::Matrix3d near = RotationAboutY(0.2), far = RotationAboutY(2);
+  const TwoModes prior(near, far);
+  const auto after = WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, [](const Eigen::Matrix3d&) { return Correspondences{}; });
+  EXPECT_LT(AngleBetweenDeg(after[0].query_crop_from_reference_crop.rotation, far), 5);
+  const auto matched = WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, MatchesNear(near, 60));
+  EXPECT_LT(AngleBetweenDeg(matched[0].query_crop_from_reference_crop.rotation, near), 5);
+}
+
 TEST(WeighByOwnMatches, PrefersTheHypothesisUnderWhichMatchesAreFound) {
   const TwoModes prior;
-  const auto after = WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, MatchesNear(kUnlikely, 60));
+  const auto after = WeighByOwnMatches(WithoutMatches(prior), prior.posterior, kCameras, MatchesNear(kUnlikely, 200));
   EXPECT_LT(AngleBetweenDeg(after[0].query_crop_from_reference_crop.rotation, kUnlikely), 1);
-  EXPECT_GT(after[0].support, 55);
-  EXPECT_EQ(after[0].matches, 60U);
+  EXPECT_GT(after[0].support, 185);
+  EXPECT_EQ(after[0].matches, 200U);
   EXPECT_TRUE(after[0].is_refined);
   EXPECT_GT(after[0].share, 0.8);
   EXPECT_NEAR(SumOfShares(after), 1, 1e-9);
@@ -131,9 +140,9 @@ TEST(WeighByOwnMatches, PrefersTheHypothesisUnderWhichMatchesAreFound) {
 
 TEST(WeighByOwnMatches, KeepsThePoseOfTheMatchesOfAllWhereTheySayMore) {
   const TwoModes prior;
-  const auto before = WeighTogether(CentredGeometry(MatchesOf(kUnlikely, 60), kCameras), prior.posterior, prior.modes, {});
+  const auto before = WeighTogether(CentredGeometry(MatchesOf(kUnlikely, 200), kCameras), prior.posterior, prior.modes, {});
   const auto after = WeighByOwnMatches(before, prior.posterior, kCameras, MatchesNear(kUnlikely, 20));
-  EXPECT_EQ(after[0].matches, 60U);
+  EXPECT_EQ(after[0].matches, 200U);
   EXPECT_EQ(after[0].support, before[0].support);
 }
 

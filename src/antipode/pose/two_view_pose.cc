@@ -25,12 +25,13 @@ struct MatchingWeights {
 constexpr MatchingWeights kMatching{-5.465, 1.655, 0.107, -0.485, -0.817};
 constexpr double kTiny = 1e-300;
 constexpr double kTruthIsAmongOthers = 0.74;  // if the first of several hypotheses is wrong, on validation objects
+/// Fitted on validation objects, level and rolled, and pairs of different ones.
 struct JointWeights {
-  double constant, share, prior;
+  double constant, share, prior, by_itself;
 };
-constexpr JointWeights kJoint{-0.358, 0.408, 0.444};
+constexpr JointWeights kJoint{0.59, 0.76, 0.91, -0.91};
 constexpr double kTellingSupport = 10;  // with so much support of the matches the prior's own confidence counts 1/e
-constexpr double kLeastShare = 1e-3;    // shares of nearly 0 or 1 are not to be believed
+constexpr double kLeastShare = 1e-2;    // shares of nearly 0 or 1 are not to be believed
 
 void AddWarnings(const std::string& whose, const std::vector<std::string>& from,
                  std::vector<std::string>& to) {
@@ -158,7 +159,7 @@ std::vector<JointHypothesis> WeighTogether(const Matcher& matcher, const Cropped
   if (matched.geometry.status != TwoViewStatus::kTooFewMatches)
     further_starts.push_back(matched.geometry.query_from_reference.rotation);
   const CentredGeometry matches(is_chance ? Correspondences{} : matched.correspondences, cameras);
-  const std::vector<JointHypothesis> joint = WeighTogether(matches, posterior, opinion.modes, further_starts);
+  const std::vector<JointHypothesis> joint = WeighTogether(matches, posterior, opinion.weighed, further_starts);
   result.timings_s["weigh"] = stopwatch.Lap();
   const auto match = [&](const Eigen::Matrix3d& rotation) { return MatchHalfway(matcher, views[0], views[1], rotation); };
   const std::vector<JointHypothesis> weighed = WeighByOwnMatches(joint, posterior, cameras, match, {.least_matches = kLeastMatches});
@@ -245,7 +246,6 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   result.timings_s["crop"] = stopwatch.Lap();
   const PriorOpinion opinion = AskPrior(prior, small, options, result);
   const double prior_confidence = prior.Confidence(opinion.modes.front());
-  result.confidence = prior_confidence;
 
   ViewMatchingOptions matching = options.matching;
   const GridPosterior posterior = prior.OnGrid(opinion.codes[0], opinion.codes[1], opinion.weighed);
@@ -253,11 +253,8 @@ TwoViewPose EstimatePoseByBoth(const ObjectPrior& prior, const Matcher& matcher,
   const MatchedViews matched = Match(matcher, large, matching, result);
   result.evidence["prior_confidence"] = prior_confidence;
   const std::vector<JointHypothesis> joint = WeighTogether(matcher, large, matched, opinion, posterior, result);
-  const auto has_matches = [](const JointHypothesis& hypothesis) { return hypothesis.matches > 0; };
-  if (matched.correspondences.size() >= kLeastMatches || std::ranges::any_of(joint, has_matches)) {
-    const JointHypothesis& best = joint.front();
-    Take(joint, large, JointConfidence({best.share, best.support, prior_confidence}), options.hypotheses, result);
-  }
+  const JointHypothesis& best = joint.front();
+  Take(joint, large, JointConfidence({best.share, best.support, prior_confidence}), options.hypotheses, result);
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   Keep(std::move(small), result);
   return result;
@@ -275,7 +272,8 @@ double MatchingProbability(const MatchingEvidence& evidence) {
 double JointConfidence(const JointEvidence& evidence) {
   const double share = std::clamp(evidence.share, kLeastShare, 1 - kLeastShare);
   const double by_itself = std::exp(-std::max(evidence.support, 0.0) / kTellingSupport);
-  return Logistic(kJoint.constant + kJoint.share * LogOdds(share) + kJoint.prior * by_itself * LogOdds(evidence.prior_confidence));
+  return Logistic(kJoint.constant + kJoint.share * LogOdds(share) +
+                  by_itself * (kJoint.prior * LogOdds(evidence.prior_confidence) + kJoint.by_itself));
 }
 
 }  // namespace antipode

@@ -94,7 +94,7 @@ struct JointEvidence {
 
 /// How often the best hypothesis of prior and matches together is within 30 degrees of the truth: a logistic function of the
 /// log odds of the share and, where matches support little, of the prior's confidence, which also knows whether both
-/// pictures look like one object; fitted by scripts/fit_confidence.py on validation objects.
+/// pictures look like one object. Fitted on validation objects, where pairs that show two different objects count as wrong.
 double JointConfidence(const JointEvidence& evidence);
 
 }  // namespace antipode

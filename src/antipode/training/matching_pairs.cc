@@ -76,8 +76,6 @@ SurfaceFeatures OnSurface(LocalFeatures features, const PosedCrop& posed, const 
   return {std::move(features), std::move(points)};
 }
 
-double AngleBetweenAxesDeg(const Eigen::Matrix3d& b_from_a) { return DegreesFromRadians(std::acos(std::clamp(b_from_a(2, 2), -1.0, 1.0))); }
-
 double RollDeg(const Eigen::Matrix3d& b_from_a) {
   return DegreesFromRadians(std::atan2(b_from_a(1, 0) - b_from_a(0, 1), b_from_a(0, 0) + b_from_a(1, 1)));
 }
