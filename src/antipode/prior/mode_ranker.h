@@ -14,9 +14,9 @@ namespace antipode {
 struct ModeRankerConfig {
   int max_degree = 8;  ///< L of the codes
   int channels = 64;   ///< C of the codes, both halves
-  int points = 96;     ///< of the sphere at which the codes are compared
-  int width = 64;      ///< what is kept of the C functions at a point
-  int hidden = 128;
+  int points = 64;     ///< of the sphere at which the codes are compared
+  int width = 32;      ///< what is kept of the C functions at a point
+  int hidden = 96;
   void Check() const;
 
   std::map<std::string, std::string> ToMetadata() const;
