@@ -16,7 +16,7 @@ namespace {
 constexpr double kRounding = 1e-12;
 constexpr int kNewtonSteps = 6;  // for angles below 65 degrees the second has nearly all digits
 
-/// The signed permutation matrices of determinant 1.
+/// The signed permutation matrices of determinant 1, the identity first.
 std::vector<Eigen::Matrix3d> CubeRotations() {
   std::vector<Eigen::Matrix3d> rotations;
   std::array<int, 3> axes = {0, 1, 2};
@@ -99,11 +99,10 @@ CubeSymmetricGrid::CubeSymmetricGrid(int count) : turns_(CubeRotations()) {
 
 std::vector<std::vector<CubeSymmetricGrid::Element>> CubeSymmetricGrid::FindNeighbours(double angle_deg) const {
   const auto turns = static_cast<int>(turns_.size());
-  const int identity = static_cast<int>(std::ranges::find_if(turns_, [](const Eigen::Matrix3d& turn) { return turn.isIdentity(); }) - turns_.begin());
   const double least_cosine = std::cos(RadiansFromDegrees(angle_deg / 2));  // of quaternions
   std::vector<std::vector<Element>> neighbours(cell_.size());
   for (int i = 0; i < static_cast<int>(cell_.size()); ++i) {
-    const int itself = IndexOf(i, identity);
+    const int itself = IndexOf(i, 0);
     const Eigen::VectorXd cosines = (quaternions_.transpose() * quaternions_.col(itself)).cwiseAbs();
     for (int g = 0; g < cosines.size(); ++g)
       if (cosines[g] >= least_cosine && g != itself) neighbours[i].push_back({g / turns, g % turns});

@@ -24,6 +24,7 @@ class CubeSymmetricGrid {
   explicit CubeSymmetricGrid(int count);
 
   const std::vector<Eigen::Matrix3d>& cell() const { return cell_; }
+  /// The first is the identity.
   const std::vector<Eigen::Matrix3d>& turns() const { return turns_; }
   /// R_i G_j at IndexOf(i, j).
   const std::vector<Eigen::Matrix3d>& rotations() const { return rotations_; }

@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include "antipode/geometry/rotation.h"
-#include "antipode/geometry/so3_grid.h"
 #include "antipode/geometry/spherical_harmonics.h"
 
 namespace antipode {

@@ -66,8 +66,6 @@ PriorOpinion AskPrior(const ObjectPrior& prior, const CroppedPair& views, const 
   opinion.modes = opinion.weighed = prior.WeighedModes(opinion.codes[0], opinion.codes[1], reported, options.roll);
   KeepReportable(opinion.modes, reported);
   result.timings_s["compare"] = stopwatch.Lap();
-  for (const RotationMode& mode : opinion.modes)
-    result.hypotheses.push_back({ComposeFromCrops(views[0], views[1], mode.rotation), mode.probability, "prior"});
   return opinion;
 }
 
@@ -177,14 +175,13 @@ std::vector<double> Probabilities(const std::vector<JointHypothesis>& joint, dou
   return probabilities;
 }
 
-/// Replaces the prior's hypotheses and confidence.
+/// Hypotheses, confidence and evidence of the result.
 void Take(const std::vector<JointHypothesis>& joint, const CroppedPair& views, double confidence, int most, TwoViewPose& result) {
   const JointHypothesis& best = joint.front();
   result.confidence = confidence;
   result.evidence["support"] = best.support;
   result.evidence["share"] = best.share;
   result.evidence["prior_mass"] = best.prior_mass;
-  result.hypotheses.clear();
   const std::vector<double> probabilities = Probabilities(joint, confidence);
   for (std::size_t i = 0; i < joint.size() && i < static_cast<std::size_t>(most); ++i)
     result.hypotheses.push_back({BetweenCameras(views[0], views[1], joint[i].query_crop_from_reference_crop), probabilities[i],
@@ -209,6 +206,8 @@ TwoViewPose EstimatePose(const ObjectPrior& prior, const ObjectPhotograph& refer
   CroppedPair views = Crop(reference, query, prior.ViewOptions());
   result.timings_s["crop"] = stopwatch.Lap();
   const PriorOpinion opinion = AskPrior(prior, views, options, result);
+  for (const RotationMode& mode : opinion.modes)
+    result.hypotheses.push_back({ComposeFromCrops(views[0], views[1], mode.rotation), mode.probability, "prior"});
   result.query_from_reference = result.hypotheses.front().query_from_reference;
   result.confidence = prior.Confidence(opinion.modes.front());
   Keep(std::move(views), result);

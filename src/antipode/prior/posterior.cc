@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include <ATen/Parallel.h>
 #include <Eigen/Dense>
@@ -196,12 +195,13 @@ std::vector<RotationMode> RotationPosterior::FindModes(const Eigen::VectorXf& co
 
 std::vector<Eigen::Matrix3d> RotationPosterior::LocalMaxima(const Eigen::VectorXd& weights, std::size_t most) const {
   std::vector<int> maxima;
-  for (std::size_t i = 0; i < neighbours_.size(); ++i) {
-    for (std::size_t j = 0; j < grid_.turns().size(); ++j) {
-      const int index = grid_.IndexOf(static_cast<int>(i), static_cast<int>(j));
+  const int cell = static_cast<int>(grid_.cell().size()), turns = static_cast<int>(grid_.turns().size());
+  for (int i = 0; i < cell; ++i) {
+    for (int j = 0; j < turns; ++j) {
+      const int index = grid_.IndexOf(i, j);
       if (weights[index] < kLeastWeight) continue;
       const bool is_highest = std::ranges::none_of(neighbours_[i], [&](const CubeSymmetricGrid::Element& other) {
-        return weights[grid_.IndexOf(other.cell, grid_.ProductOf(other.turn, static_cast<int>(j)))] > weights[index];
+        return weights[grid_.IndexOf(other.cell, grid_.ProductOf(other.turn, j))] > weights[index];
       });
       if (is_highest) maxima.push_back(index);
     }
