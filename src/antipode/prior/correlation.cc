@@ -48,7 +48,7 @@ torch::Tensor TurnCode(const torch::Tensor& code, const Eigen::Matrix3d& rotatio
 torch::Tensor TurnCodes(const torch::Tensor& codes, const torch::Tensor& rotations) {
   const int max_degree = MaxDegreeOf(codes);
   const std::int64_t batch = rotations.size(0), count = rotations.size(1);
-  const torch::Tensor wigner = ToTensor(WignerMatrices(RotationsFrom(rotations), max_degree));
+  const torch::Tensor wigner = ToTensor(WignerMatrices(RotationsFrom(rotations), max_degree)).to(codes.device());
   std::vector<torch::Tensor> degrees;
   for (int l = 0; l <= max_degree; ++l) {
     const torch::Tensor block = wigner.slice(1, WignerOffset(l), WignerOffset(l + 1)).view({batch, count, 2 * l + 1, 2 * l + 1});

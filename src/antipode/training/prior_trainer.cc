@@ -92,7 +92,7 @@ class Trainer {
         bfloat16_(device_.is_cuda() || ProcessorHasBFloat16()),
         loader_(cache, options.objects_per_step, options.views_per_object, options.encoder.image_size,
                 options.augmentation, options.seed),
-        grid_(SuperFibonacciRotations(options.grid_size)) {
+        grid_wigner_(ToTensor(WignerMatrices(SuperFibonacciRotations(options.grid_size), options.encoder.max_degree)).to(device_)) {
     torch::manual_seed(options.seed);
     encoder_ = ObjectEncoder(options.encoder);
     encoder_->SetDropout(options.dropout);
@@ -230,18 +230,19 @@ class Trainer {
 
   Tensor Loss(const Tensor& codes, const Pairs& pairs) {
     const int degree = options_.encoder.max_degree;
-    const auto pick = [&](const std::vector<std::int64_t>& rows) {
-      return codes.index_select(0, torch::tensor(rows, torch::kLong).to(device_));
+    const auto pick = [&](const Tensor& from, const std::vector<std::int64_t>& rows) {
+      return from.index_select(0, torch::tensor(rows, torch::kLong).to(device_));
     };
-    // A grid turned anew at every step leaves no gaps for a sharp posterior to hide in.
+    // A grid turned anew at every step leaves no gaps for a sharp posterior to hide in. To turn the codes and the truth is the same
+    // and leaves the grid's Wigner matrices as they are: s(T G) = <C, D(T G)> = <D(T)^T C, D(G)>.
     std::mt19937_64 random(CombineSeeds(options_.seed + 2, static_cast<std::uint64_t>(step_)));
-    const Eigen::Matrix3d turn = RandomRotation(random);
-    std::vector<Eigen::Matrix3d> grid = grid_;
-    for (auto& rotation : grid) rotation = (turn * rotation).eval();
-    const auto correlations = CorrelateCodes(pick(pairs.query), pick(pairs.reference), degree);
-    const auto true_wigner = ToTensor(WignerMatrices(pairs.query_from_reference, degree)).to(device_);
-    const auto grid_wigner = ToTensor(WignerMatrices(grid, degree)).to(device_);
-    return NegativeLogDensity(correlations, true_wigner, grid_wigner).mean();
+    const Eigen::Matrix3d turn = RandomRotation(random).transpose();
+    std::vector<Eigen::Matrix3d> truth = pairs.query_from_reference;
+    for (auto& rotation : truth) rotation = (turn * rotation).eval();
+    const Tensor turned = TurnCodes(codes.flatten(0, 1).unsqueeze(0), ToTensor(std::span(&turn, 1)).unsqueeze(0)).view_as(codes);
+    const auto correlations = CorrelateCodes(pick(turned, pairs.query), pick(codes, pairs.reference), degree);
+    const auto true_wigner = ToTensor(WignerMatrices(truth, degree)).to(device_);
+    return NegativeLogDensity(correlations, true_wigner, grid_wigner_).mean();
   }
 
   void Step() {
@@ -350,7 +351,7 @@ class Trainer {
   torch::Device device_;
   bool bfloat16_;
   BatchLoader loader_;
-  std::vector<Eigen::Matrix3d> grid_;
+  Tensor grid_wigner_;  ///< of the rotations that stand for SO(3)
   ObjectEncoder encoder_{nullptr};
   std::unique_ptr<torch::optim::AdamW> optimizer_;
   MovingAverage average_;
