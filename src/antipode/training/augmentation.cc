@@ -145,7 +145,8 @@ torch::Tensor AugmentColors(const torch::Tensor& rgba, int groups, const Augment
   std::mt19937_64 random(seed);
   auto matrices = torch::empty({count, 3, 3});
   auto gammas = torch::empty({count, 1, 1, 1});
-  auto deviations = torch::zeros({count, 1, 1, 1});
+  std::vector<std::int64_t> noisy;
+  std::vector<float> deviations;  // of the noisy ones
   for (std::int64_t group = 0; group < groups; ++group) {
     Eigen::Matrix3f group_matrix = HueAndSaturation(0, UniformIn(random, 0.7, 1.2));
     if (Chance(random, options.recolor_share))
@@ -158,7 +159,9 @@ torch::Tensor AugmentColors(const torch::Tensor& rgba, int groups, const Augment
           matrices.accessor<float, 3>()[i][row][column] = static_cast<float>(gain) * group_matrix(row, column);
       }
       gammas.data_ptr<float>()[i] = static_cast<float>(std::exp(UniformIn(random, -0.35, 0.35)));
-      if (Chance(random, 0.25)) deviations.data_ptr<float>()[i] = static_cast<float>(UniformIn(random, 0, 0.04));
+      if (!Chance(random, 0.25)) continue;
+      noisy.push_back(i);
+      deviations.push_back(static_cast<float>(UniformIn(random, 0, 0.04)));
     }
   }
   const auto alpha = rgba.slice(1, 3, 4);
@@ -166,8 +169,11 @@ torch::Tensor AugmentColors(const torch::Tensor& rgba, int groups, const Augment
   auto colors = torch::bmm(matrices.to(rgba.device()), pixels).view({count, 3, rgba.size(2), rgba.size(3)});
   colors = colors.clamp(1e-4, 1).pow(gammas.to(rgba.device()));
   auto generator = at::detail::createCPUGenerator(random());
-  const auto noise = torch::randn(colors.sizes(), generator, torch::kFloat) * deviations;
-  colors = (colors + noise.to(rgba.device())).clamp(0, 1);
+  const auto many = static_cast<std::int64_t>(noisy.size());
+  const auto noise = torch::randn({many, 3, rgba.size(2), rgba.size(3)}, generator, torch::kFloat) *
+                     torch::tensor(deviations, torch::kFloat).view({many, 1, 1, 1});
+  colors.index_add_(0, torch::tensor(noisy, torch::kLong).to(rgba.device()), noise.to(rgba.device()));
+  colors = colors.clamp(0, 1);
   return 1 - alpha + alpha * colors;
 }
 
