@@ -63,8 +63,9 @@ class TrainPriorCommand : public Command {
     app.add_option("--iterations", options_.iterations, "Or a number of steps, which makes runs reproducible")
         ->type_name("N");
     auto* resume = app.add_flag("--resume", resume_, "Go on from OUT/checkpoint.safetensors");
-    app.add_flag("--from-scratch", from_scratch_, "Start from random weights instead of an ImageNet backbone")
-        ->excludes(resume);
+    auto* start = app.add_option("--start", options_.start, "Model that training starts from: an ImageNet backbone, or a prior")
+                      ->capture_default_str()->type_name("NAME|FOLDER");
+    app.add_flag("--from-scratch", from_scratch_, "Start from random weights instead")->excludes(resume)->excludes(start);
     app.add_option("--learning-rate", options_.learning_rate, "Highest, of all but the backbone")
         ->capture_default_str()->type_name("X");
     app.add_option("--backbone-learning-rate", options_.backbone_learning_rate, "Highest, of the backbone")
@@ -88,7 +89,7 @@ class TrainPriorCommand : public Command {
  private:
   StartFrom Start() const {
     if (resume_) return StartFrom::kCheckpoint;
-    return from_scratch_ ? StartFrom::kScratch : StartFrom::kBackbone;
+    return from_scratch_ ? StartFrom::kScratch : StartFrom::kModel;
   }
 
   PriorTrainingResult Train() const {

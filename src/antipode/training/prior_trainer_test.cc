@@ -100,6 +100,27 @@ TEST_F(PriorTrainerTest, TrainsAndValidatesOnPacks) {
   EXPECT_GT(ObjectPrior::Load(result.model.string()).calibration().temperature, 0);
 }
 
+TEST_F(PriorTrainerTest, GoesOnFromAnotherPriorWithoutTrainingTheHeadFirst) {
+  const auto first = TrainPrior(Options("first"), StartFrom::kScratch, {});
+  PriorTrainingOptions options = Options("second");
+  options.start = first.model.string();
+  options.learning_rate = options.backbone_learning_rate = 1e-12;
+  std::vector<std::string> stages;
+  const auto second = TrainPrior(options, StartFrom::kModel, [&](const Progress& progress) { stages.push_back(progress.stage); });
+  EXPECT_EQ(std::ranges::count(stages, "training the head"), 0);
+  EXPECT_EQ(std::ranges::count(stages, "training"), 4);
+  const auto images = torch::linspace(0, 1, 2 * 3 * 32 * 32).view({2, 3, 32, 32});
+  const auto code = [&](const fs::path& model) { return ObjectPrior::Load(model.string()).EncodeImages(images); };
+  EXPECT_TRUE(torch::allclose(code(first.model), code(second.model), 1e-2, 1e-3));
+}
+
+TEST_F(PriorTrainerTest, RefusesToStartFromAPriorOfAnotherShape) {
+  PriorTrainingOptions options = Options("out");
+  options.start = TrainPrior(options, StartFrom::kScratch, {}).model.string();
+  options.encoder.channels += 1;
+  EXPECT_THROW(TrainPrior(options, StartFrom::kModel, {}), Error);
+}
+
 TEST_F(PriorTrainerTest, RefusesToResumeWhatIsNotThereOrDiffers) {
   EXPECT_THROW(TrainPrior(Options("none"), StartFrom::kCheckpoint, {}), BadFile);
   TrainPrior(Options("out"), StartFrom::kScratch, {});

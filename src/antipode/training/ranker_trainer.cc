@@ -209,8 +209,8 @@ class Trainer {
 };
 
 /// The prior with this second stage.
-TensorFile WithRanker(TensorFile prior, ModeRankerImpl& ranker) {
-  std::erase_if(prior.tensors, [](const auto& item) { return item.first.starts_with(kRankerPrefix); });
+TensorFile WithRanker(const TensorFile& file, ModeRankerImpl& ranker) {
+  TensorFile prior = WithoutRanker(file);
   for (auto& [name, tensor] : WeightsOf(ranker).tensors) prior.tensors[kRankerPrefix + name] = ConvertTo(tensor, Dtype::kF16);
   for (const auto& [key, value] : ranker.config().ToMetadata()) prior.metadata[key] = value;
   return prior;
