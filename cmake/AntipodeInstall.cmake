@@ -29,4 +29,5 @@ install(EXPORT antipodeTargets NAMESPACE antipode:: DESTINATION ${package_dir})
 install(FILES
   ${PROJECT_BINARY_DIR}/antipodeConfig.cmake ${PROJECT_BINARY_DIR}/antipodeConfigVersion.cmake
   ${PROJECT_SOURCE_DIR}/cmake/FindEmbree.cmake ${PROJECT_SOURCE_DIR}/cmake/FindLibTorch.cmake
+  ${PROJECT_SOURCE_DIR}/cmake/FindLibZip.cmake
   DESTINATION ${package_dir})

@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 readonly TORCH=torch==2.13.0
 readonly STAMP=.venv/antipode-setup
 readonly PACKAGES=(
-  cmake g++ make ninja-build ccache pkg-config python3-venv python3-pip
+  cmake g++ make ninja-build ccache python3-venv python3-pip
   libopencv-dev libeigen3-dev libassimp-dev libembree-dev libcli11-dev nlohmann-json3-dev libspdlog-dev libceres-dev
   libssl-dev libzip-dev libexif-dev libgtest-dev libbenchmark-dev)
 

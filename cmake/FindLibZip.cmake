@@ -1,0 +1,15 @@
+# Defines LibZip::LibZip. Debian's own package configuration of libzip asks for programs that its -dev package does not bring.
+find_path(LibZip_INCLUDE_DIR NAMES zip.h)
+find_library(LibZip_LIBRARY NAMES zip)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(LibZip REQUIRED_VARS LibZip_LIBRARY LibZip_INCLUDE_DIR)
+if(LibZip_FOUND AND NOT TARGET LibZip::LibZip)
+  add_library(LibZip::LibZip UNKNOWN IMPORTED)
+  set_target_properties(LibZip::LibZip PROPERTIES
+    IMPORTED_LOCATION ${LibZip_LIBRARY} INTERFACE_INCLUDE_DIRECTORIES ${LibZip_INCLUDE_DIR})
+  if(LibZip_LIBRARY MATCHES "\\.a$")
+    find_package(ZLIB REQUIRED)
+    set_target_properties(LibZip::LibZip PROPERTIES INTERFACE_LINK_LIBRARIES ZLIB::ZLIB)
+  endif()
+endif()
+mark_as_advanced(LibZip_INCLUDE_DIR LibZip_LIBRARY)
