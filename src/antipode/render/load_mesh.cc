@@ -1,3 +1,15 @@
+#ifndef ANTIPODE_MESH_FILES
+
+#include "antipode/render/mesh.h"
+#include "antipode/util/error.h"
+
+antipode::Mesh antipode::LoadMesh(const std::filesystem::path& path) {
+  throw BadFile(path.string(), "cannot be read: this program was built without assimp",
+                "give a pack of meshes (antipode train pack), or build with -DANTIPODE_MESH_FILES=ON");
+}
+
+#else
+
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
@@ -315,3 +327,5 @@ Mesh LoadMesh(const std::filesystem::path& path) {
 }
 
 }  // namespace antipode
+
+#endif
