@@ -129,11 +129,13 @@ AugmentedView AugmentView(const ViewCache& cache, int group, int view, double ro
   cv::warpPerspective(source, result.rgba, HomographyForOpenCv(homography), {image_size, image_size}, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
                       cv::Scalar(255, 255, 255, 0));
   Degrade(result.rgba, options, random);
-  result.camera_from_object = turn * cache.CameraFromObject(group, view);
+  result.camera_from_object = Rigid3{turn, Eigen::Vector3d::Zero()} * cache.CameraFromObject(group, view);
+  result.focal_length = crop.camera.fx;
   if (mirrored) {
     cv::flip(result.rgba, result.rgba, 1);
     const Eigen::Vector3d flip(-1, 1, 1);
-    result.camera_from_object = flip.asDiagonal() * result.camera_from_object * flip.asDiagonal();
+    result.camera_from_object = {flip.asDiagonal() * result.camera_from_object.rotation * flip.asDiagonal(),
+                                 flip.asDiagonal() * result.camera_from_object.translation};
   }
   return result;
 }

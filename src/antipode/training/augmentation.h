@@ -29,12 +29,13 @@ struct AugmentationOptions {
 
 /// One augmented object-centric image.
 struct AugmentedView {
-  cv::Mat rgba;                        ///< S x S, 8UC4
-  Eigen::Matrix3d camera_from_object;  ///< rotation; of the mirrored object where mirrored
+  cv::Mat rgba;               ///< S x S, 8UC4
+  Rigid3 camera_from_object;  ///< as in ViewCache; of the mirrored object where mirrored
+  double focal_length = 0;    ///< pixels; the principal point is the middle
 };
 
 /// A cached view seen by a camera rolled by `roll_deg`, cropped around its mask as at test time, with
-/// jitter; R' = R_look Rz(roll) R. Mirroring flips x of image and object: R' = M R M, M = diag(-1, 1, 1).
+/// jitter; R' = R_look Rz(roll) R, t' likewise. Mirroring flips x of image and object: R' = M R M, t' = M t, M = diag(-1, 1, 1).
 AugmentedView AugmentView(const ViewCache& cache, int group, int view, double roll_deg, bool mirrored,
                           int image_size, const AugmentationOptions& options, std::mt19937_64& random);
 

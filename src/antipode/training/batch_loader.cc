@@ -11,6 +11,12 @@ constexpr int kBatchesAhead = 2;
 
 }  // namespace
 
+std::vector<Eigen::Matrix3d> ViewBatch::Rotations() const {
+  std::vector<Eigen::Matrix3d> rotations;
+  for (const Rigid3& pose : camera_from_object) rotations.push_back(pose.rotation);
+  return rotations;
+}
+
 BatchLoader::BatchLoader(const ViewCache& cache, int groups, int views, int image_size,
                          const AugmentationOptions& augmentation, std::uint64_t seed)
     : cache_(cache),
@@ -45,6 +51,7 @@ ViewBatch BatchLoader::Make(std::int64_t index) const {
       std::copy_n(augmented.rgba.ptr<std::uint8_t>(), bytes, destination);
       destination += bytes;
       batch.camera_from_object.push_back(augmented.camera_from_object);
+      batch.focal_lengths.push_back(augmented.focal_length);
     }
   }
   batch.rgba = pixels.permute({0, 3, 1, 2});

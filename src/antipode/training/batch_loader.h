@@ -16,9 +16,12 @@ namespace antipode {
 
 /// Views of several objects, group by group.
 struct ViewBatch {
-  torch::Tensor rgba;                               ///< [groups * views, 4, S, S], U8
-  std::vector<Eigen::Matrix3d> camera_from_object;  ///< one a view
+  torch::Tensor rgba;                      ///< [groups * views, 4, S, S], U8
+  std::vector<Rigid3> camera_from_object;  ///< one a view, see AugmentedView
+  std::vector<double> focal_lengths;       ///< one a view
   int groups = 0;
+
+  std::vector<Eigen::Matrix3d> Rotations() const;  ///< of camera_from_object
 };
 
 /// Draws and augments batches in the background. Batch `index` depends on the seed and the index alone.

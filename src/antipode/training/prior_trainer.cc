@@ -81,7 +81,7 @@ Pairs AllPairs(const ViewBatch& batch) {
       for (std::size_t j = i + 1; j < begin + views; ++j) {
         pairs.query.push_back(static_cast<std::int64_t>(j));
         pairs.reference.push_back(static_cast<std::int64_t>(i));
-        pairs.query_from_reference.push_back(batch.camera_from_object[j] * batch.camera_from_object[i].transpose());
+        pairs.query_from_reference.push_back(batch.camera_from_object[j].rotation * batch.camera_from_object[i].rotation.transpose());
       }
     }
   }

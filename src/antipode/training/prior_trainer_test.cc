@@ -169,14 +169,14 @@ TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
   std::mt19937_64 random(1);
   const double roll = 30;
   const AugmentedView view = AugmentView(cache, 1, 2, roll, false, 128, none, random);
-  const Eigen::Matrix3d difference = view.camera_from_object * cache.CameraFromObject(1, 2).transpose();
+  const Eigen::Matrix3d difference = view.camera_from_object.rotation * cache.CameraFromObject(1, 2).rotation.transpose();
   // What is left after taking back the roll is the small look-at correction of the crop.
   EXPECT_LT(RotationAngleDeg(difference * RotationAboutZ(RadiansFromDegrees(-roll))), 8);
   EXPECT_GT(RotationAngleDeg(difference), 20);
 
   const AugmentedView mirrored = AugmentView(cache, 1, 2, roll, true, 128, none, random);
   const Eigen::Vector3d flip(-1, 1, 1);
-  EXPECT_LT(AngleBetweenDeg(mirrored.camera_from_object, flip.asDiagonal() * view.camera_from_object * flip.asDiagonal()), 1e-6);
+  EXPECT_LT(AngleBetweenDeg(mirrored.camera_from_object.rotation, flip.asDiagonal() * view.camera_from_object.rotation * flip.asDiagonal()), 1e-6);
 }
 
 TEST_F(PriorTrainerTest, BatchesDependOnSeedAndIndexOnly) {

@@ -56,7 +56,7 @@ CodedGroups Encode(const ObjectPrior& prior, const ViewCache& cache, const Ranke
                                         CombineSeeds(options.seed + 1, static_cast<std::uint64_t>(batch)));
     const Tensor encoded = prior.EncodeImages(images).to(torch::kHalf);
     codes.push_back(encoded.view({views.groups, -1, encoded.size(1), encoded.size(2)}));
-    rotations.push_back(ToTensor(views.camera_from_object).view({views.groups, -1, 3, 3}));
+    rotations.push_back(ToTensor(views.Rotations()).view({views.groups, -1, 3, 3}));
   }
   return {torch::cat(codes), torch::cat(rotations)};
 }

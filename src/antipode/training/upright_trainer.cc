@@ -64,7 +64,7 @@ class CodeCollector {
     const bool mirrored = std::bernoulli_distribution(augmentation.mirror_share)(random_);
     const int size = prior_.ViewOptions().size;
     const AugmentedView augmented = AugmentView(cache_, group, view, roll, mirrored, size, augmentation, random_);
-    const Eigen::Vector3f up = augmented.camera_from_object.col(1).cast<float>();
+    const Eigen::Vector3f up = augmented.camera_from_object.rotation.col(1).cast<float>();
     ups_.push_back(torch::tensor({up.x(), up.y(), up.z()}));
     pictures_.push_back(OnWhite(augmented.rgba));
     if (pictures_.size() == kEncodedAtOnce) Encode();

@@ -30,7 +30,7 @@ fs::path CameraFile(const fs::path& folder) { return folder / "cameras.safetenso
 fs::path PixelFile(const fs::path& folder) { return folder / "views.raw"; }
 
 nlohmann::json Describe(const MeshCollection& meshes, const ViewCacheOptions& options) {
-  nlohmann::json description{{"format", 2},
+  nlohmann::json description{{"format", 3},
                              {"views_per_object", options.views_per_object},
                              {"variants", options.variants},
                              {"stretch", options.stretch},
@@ -51,7 +51,7 @@ nlohmann::json Describe(const MeshCollection& meshes, const ViewCacheOptions& op
 
 struct CachedView {
   cv::Mat rgba;
-  Eigen::Matrix3d camera_from_object;
+  Rigid3 camera_from_object;
   double focal_length;
 };
 
@@ -75,7 +75,7 @@ CachedView RenderView(const Renderer& renderer, std::mt19937_64& random, const V
   const ObjectCrop crop = LookAtBox(finder, box, {options.image_size, options.margin});
   const Rigid3 crop_from_object = Rigid3{crop.crop_from_camera, Eigen::Vector3d::Zero()} * camera_from_object;
   const Rendering rendering = renderer.Render(crop.camera, crop_from_object, light);
-  CachedView view{{}, crop_from_object.rotation, crop.camera.fx};
+  CachedView view{{}, crop_from_object, crop.camera.fx};
   cv::Mat channels[] = {rendering.image, rendering.mask};
   view.rgba.create(options.image_size, options.image_size, CV_8UC4);
   constexpr int kIdentity[] = {0, 0, 1, 1, 2, 2, 3, 3};
@@ -103,6 +103,7 @@ class CacheWriter {
       : views_per_object_(options.variants * options.views_per_object),
         bytes_per_view_(std::size_t(options.image_size) * options.image_size * 4),
         rotations_(objects * views_per_object_ * 9),
+        centres_(objects * views_per_object_ * 3),
         focal_lengths_(objects * views_per_object_),
         pixels_(PixelFile(folder).string() + ".partial", std::ios::binary) {
     if (!pixels_) throw BadFile(folder.string(), "cannot be written to", "choose another --cache folder");
@@ -113,8 +114,9 @@ class CacheWriter {
     pixels_.seekp(static_cast<std::streamoff>(object * views_per_object_ * bytes_per_view_));
     for (std::size_t i = 0; i < views.size(); ++i) {
       const std::size_t index = object * views_per_object_ + i;
-      const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rotation = views[i].camera_from_object;
+      const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rotation = views[i].camera_from_object.rotation;
       std::copy_n(rotation.data(), 9, rotations_.begin() + index * 9);
+      std::copy_n(views[i].camera_from_object.translation.data(), 3, centres_.begin() + index * 3);
       focal_lengths_[index] = views[i].focal_length;
       pixels_.write(reinterpret_cast<const char*>(views[i].rgba.data), bytes_per_view_);
     }
@@ -126,6 +128,7 @@ class CacheWriter {
     const auto count = static_cast<std::int64_t>(focal_lengths_.size());
     TensorFile cameras;
     cameras.tensors["rotation"] = HostTensor::FromDouble({count, 3, 3}, rotations_);
+    cameras.tensors["centre"] = HostTensor::FromDouble({count, 3}, centres_);
     cameras.tensors["focal_length"] = HostTensor::FromDouble({count}, focal_lengths_);
     WriteSafetensors(CameraFile(folder), cameras);
     fs::rename(PixelFile(folder).string() + ".partial", PixelFile(folder));
@@ -133,7 +136,7 @@ class CacheWriter {
 
  private:
   std::size_t views_per_object_, bytes_per_view_;
-  std::vector<double> rotations_, focal_lengths_;
+  std::vector<double> rotations_, centres_, focal_lengths_;
   std::ofstream pixels_;
   std::mutex mutex_;
 };
@@ -215,14 +218,16 @@ ViewCache::ViewCache(const fs::path& folder) : pixels_(PixelFile(folder)) {
   image_size_ = description.at("image_size");
   group_count_ = static_cast<int>(description.at("objects").size()) * description.at("variants").get<int>();
   const SafetensorsReader cameras(CameraFile(folder));
-  const HostTensor rotation = cameras.Read("rotation"), focal_length = cameras.Read("focal_length");
+  const HostTensor rotation = cameras.Read("rotation"), centre = cameras.Read("centre"), focal_length = cameras.Read("focal_length");
   const std::size_t count = std::size_t(group_count_) * views_per_group_;
   if (focal_length.As<double>().size() != count || rotation.As<double>().size() != 9 * count ||
+      centre.As<double>().size() != 3 * count ||
       pixels_.bytes().size() != count * image_size_ * image_size_ * 4)
     throw BadFile(folder.string(), "the view cache is damaged", "delete the folder to render it anew");
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   for (std::size_t i = 0; i < count; ++i) {
-    rotations_.push_back(Eigen::Map<const RowMajor>(rotation.As<double>().data() + 9 * i));
+    poses_.push_back({Eigen::Map<const RowMajor>(rotation.As<double>().data() + 9 * i),
+                      Eigen::Map<const Eigen::Vector3d>(centre.As<double>().data() + 3 * i)});
     focal_lengths_.push_back(focal_length.As<double>()[i]);
   }
 }
@@ -237,9 +242,7 @@ cv::Mat ViewCache::Image(int group, int view) const {
   return {image_size_, image_size_, CV_8UC4, data};
 }
 
-const Eigen::Matrix3d& ViewCache::CameraFromObject(int group, int view) const {
-  return rotations_[Index(group, view)];
-}
+const Rigid3& ViewCache::CameraFromObject(int group, int view) const { return poses_[Index(group, view)]; }
 
 double ViewCache::FocalLength(int group, int view) const { return focal_lengths_[Index(group, view)]; }
 

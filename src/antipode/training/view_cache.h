@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 
+#include "antipode/geometry/rigid3.h"
 #include "antipode/render/mesh_collection.h"
 #include "antipode/render/renderer.h"
 #include "antipode/util/memory_map.h"
@@ -35,7 +36,7 @@ RenderOptions RandomLight(std::mt19937_64& random);
 
 /// Object-centric renderings of many objects on disk, mapped into memory: the food of the trainers.
 ///
-/// A folder with `views.json` (options and objects), `cameras.safetensors` (rotation F64 [V, 3, 3], focal
+/// A folder with `views.json` (options and objects), `cameras.safetensors` (rotation F64 [V, 3, 3], centre F64 [V, 3], focal
 /// length F64 [V]) and `views.raw` (RGBA, U8 [V, S, S, 4], white where alpha is 0).
 class ViewCache {
  public:
@@ -52,7 +53,8 @@ class ViewCache {
 
   /// RGBA, 8UC4; a view of mapped memory, do not write.
   cv::Mat Image(int group, int view) const;
-  const Eigen::Matrix3d& CameraFromObject(int group, int view) const;
+  /// The origin is the middle of the object, the unit its radius.
+  const Rigid3& CameraFromObject(int group, int view) const;
   double FocalLength(int group, int view) const;  ///< pixels; the principal point is the centre
 
  private:
@@ -60,7 +62,7 @@ class ViewCache {
   std::size_t Index(int group, int view) const;
 
   int group_count_ = 0, views_per_group_ = 0, image_size_ = 0;
-  std::vector<Eigen::Matrix3d> rotations_;
+  std::vector<Rigid3> poses_;
   std::vector<double> focal_lengths_;
   MemoryMap pixels_;
 };

@@ -68,7 +68,7 @@ TEST_F(ViewCacheTest, APackGivesNearlyThePicturesOfItsFolder) {
   ASSERT_EQ(cache.group_count(), 8);
   for (int group = 0; group < cache.group_count(); ++group) {
     for (int view = 0; view < cache.views_per_group(); ++view) {
-      EXPECT_LT(AngleBetweenDeg(cache.CameraFromObject(group, view), expected.CameraFromObject(group, view)), 0.1);
+      EXPECT_LT(AngleBetweenDeg(cache.CameraFromObject(group, view).rotation, expected.CameraFromObject(group, view).rotation), 0.1);
       const cv::Mat difference = cache.Image(group, view) - expected.Image(group, view);
       EXPECT_LT(cv::norm(difference, cv::NORM_L1) / static_cast<double>(difference.total()), 1) << group << ", " << view;
     }

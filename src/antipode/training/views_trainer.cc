@@ -103,7 +103,7 @@ class Trainer {
     Batch batch;
     for (std::int64_t i = 0; i < count; ++i) {
       if (i % views == 0) continue;
-      batch.conditions.push_back(ConditionOf(drawn.camera_from_object[i / views * views], drawn.camera_from_object[i]));
+      batch.conditions.push_back(ConditionOf(drawn.camera_from_object[i / views * views].rotation, drawn.camera_from_object[i].rotation));
     }
     const auto by_object = [&](const Tensor& all) { return all.view({drawn.groups, views, 3, all.size(2), all.size(3)}); };
     const auto for_each_view = [&](const Tensor& of_objects) { return of_objects.repeat_interleave(views - 1, 0); };

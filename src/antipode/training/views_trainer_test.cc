@@ -51,7 +51,7 @@ ViewsTrainingOptions TinyTraining(const std::filesystem::path& folder) {
 std::pair<torch::Tensor, Eigen::Matrix3d> PlainView(const ViewCache& cache, int view, int size, const AugmentationOptions& plain) {
   std::mt19937_64 random(1);
   const AugmentedView augmented = AugmentView(cache, 0, view, 0, false, size, plain, random);
-  return {OnWhite(augmented), augmented.camera_from_object};
+  return {OnWhite(augmented), augmented.camera_from_object.rotation};
 }
 
 TEST(TrainViews, OverfitsOneObject) {
