@@ -2,40 +2,19 @@
 
 #include <algorithm>
 
-#include <opencv2/imgproc.hpp>
-
-#include "antipode/geometry/rotation.h"
 #include "antipode/nn/module_weights.h"
-#include "antipode/util/files.h"
+#include "antipode/synthesis/object_centric_picture.h"
+#include "antipode/synthesis/volume_synthesizer.h"
 #include "antipode/weights/registry.h"
 #include "antipode/zero123/picture.h"
 
 namespace antipode {
 namespace {
 
-constexpr double kMargin = 0.05;  // of the crops it was trained on
-
 ViewDiffusion ViewDiffusionFrom(const TensorFile& file, const std::string& model) {
   ViewDiffusion network(ViewDiffusionConfig::FromMetadata(file.metadata, model));
   LoadInto(*network, file, model);
   return network;
-}
-
-/// The object's box fills the picture but for the margin, as in training.
-cv::Mat ObjectCentric(const cv::Mat& object_on_white, int size) {
-  const cv::Rect box = BoxOfObject(object_on_white);
-  const cv::Mat object = object_on_white(cv::Rect(box.tl(), box.size() + cv::Size(1, 1)));
-  const int side = static_cast<int>((1 + 2 * kMargin) * std::max(object.cols, object.rows));
-  cv::Mat picture;
-  cv::resize(PaddedToSquare(object, side), picture, {size, size}, 0, 0, cv::INTER_AREA);
-  return picture;
-}
-
-/// The cameras of both stand upright, as the request says.
-ViewCondition ConditionOf(const ViewRequest& request) {
-  const double picture_elevation = request.direction.elevation + RadiansFromDegrees(request.relative.polar);
-  const Eigen::Matrix3d picture = CameraRotationFromCanonical({picture_elevation, 0});
-  return {CameraRotationFromCanonical(request.direction) * picture.transpose(), request.relative};
 }
 
 }  // namespace
@@ -54,13 +33,13 @@ SmallSynthesizer::SmallSynthesizer(const TensorFile& file, const std::string& mo
     : model_(ViewDiffusionFrom(file, model)), guide_(ViewGuide::Of(file.metadata, model, device)), options_(options) {
   options.Check();
   model_->to(device);
-  const cv::Mat picture = ObjectCentric(object_on_white, model_->config().image_size);
+  const cv::Mat picture = ObjectCentricPicture(object_on_white, model_->config().image_size);
   picture_ = PictureTensor(picture).to(device);
-  if (guide_) code_ = guide_->Encode((PictureTensor(ObjectCentric(object_on_white, guide_->PictureSize())) + 1) / 2);
+  if (guide_) code_ = guide_->Encode((PictureTensor(ObjectCentricPicture(object_on_white, guide_->PictureSize())) + 1) / 2);
   fingerprint_ = FingerprintOfSynthesis(picture, FindModel(model).sha256, options);
 }
 
-SynthesisCamera SmallSynthesizer::Camera() const { return {kTrainingFocalLength, 2 * kTrainingFocalLength * (1 + 2 * kMargin)}; }
+SynthesisCamera SmallSynthesizer::Camera() const { return {kTrainingFocalLength, 2 * kTrainingFocalLength * (1 + 2 * kObjectCentricMargin)}; }
 
 void SmallSynthesizer::Synthesize(std::span<const ViewRequest> requests, const std::function<void(const SynthesizedView&)>& use,
                                   const ProgressCallback& progress) const {
@@ -71,7 +50,7 @@ void SmallSynthesizer::Synthesize(std::span<const ViewRequest> requests, const s
     std::vector<ViewCondition> conditions;
     std::vector<std::string> names;
     for (const ViewRequest& request : some) {
-      conditions.push_back(ConditionOf(request));
+      conditions.push_back({ViewFromPicture(request), request.relative});
       names.push_back(request.name);
     }
     const torch::Tensor guides =
@@ -83,6 +62,7 @@ void SmallSynthesizer::Synthesize(std::span<const ViewRequest> requests, const s
 
 std::unique_ptr<ViewSynthesizer> MakeDiffusionSynthesizer(const std::string& model, const cv::Mat& object_on_white,
                                                           const Zero123SynthesisOptions& options, torch::Device device) {
+  if (IsViewVolume(model)) return std::make_unique<VolumeSynthesizer>(model, object_on_white, device);
   if (IsViewDiffusion(model)) return std::make_unique<SmallSynthesizer>(model, object_on_white, options, device);
   return std::make_unique<Zero123Synthesizer>(model, object_on_white, options, device);
 }

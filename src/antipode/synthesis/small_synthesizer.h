@@ -40,7 +40,7 @@ class SmallSynthesizer : public ViewSynthesizer {
   std::string fingerprint_;
 };
 
-/// The synthesiser that fits the model: Zero123, or a small one.
+/// The synthesiser that fits the model: Zero123, a small diffusion model, or a volume.
 std::unique_ptr<ViewSynthesizer> MakeDiffusionSynthesizer(const std::string& model, const cv::Mat& object_on_white,
                                                           const Zero123SynthesisOptions& options, torch::Device device);
 

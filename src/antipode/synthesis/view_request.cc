@@ -60,6 +60,11 @@ std::vector<ViewRequest> RequestViewsAllAround(int count, double reference_eleva
   return requests;
 }
 
+Eigen::Matrix3d ViewFromPicture(const ViewRequest& request) {
+  const double picture_elevation = request.direction.elevation + RadiansFromDegrees(request.relative.polar);
+  return CameraRotationFromCanonical(request.direction) * CameraRotationFromCanonical({picture_elevation, 0}).transpose();
+}
+
 SynthesizedView PosedView(const ViewRequest& request, const cv::Mat& image, const SynthesisCamera& camera) {
   const double focal_length = camera.focal_length * image.cols;
   Rigid3 camera_from_object = CameraFromCanonical(request.direction, camera.distance);

@@ -19,6 +19,9 @@ struct ViewRequest {
   RelativeView relative;         ///< to the picture
 };
 
+/// The rotation from the picture's camera to the view's; the cameras of both stand upright.
+Eigen::Matrix3d ViewFromPicture(const ViewRequest& request);
+
 /// A view that was made. The frame of the object has +Y up; where the picture is known to look from, azimuth 0 is its own.
 struct SynthesizedView {
   ViewRequest request;
