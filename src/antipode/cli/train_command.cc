@@ -11,6 +11,7 @@
 #include "antipode/training/upright_trainer.h"
 #include "antipode/training/view_comparison_trainer.h"
 #include "antipode/training/views_trainer.h"
+#include "antipode/training/volume_trainer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/formatted.h"
 #include "antipode/util/interrupt.h"
@@ -270,6 +271,57 @@ class TrainViewsCommand : public Command {
   CommonOptions common_;
 };
 
+class TrainVolumeCommand : public Command {
+ public:
+  std::string Name() const override { return "volume"; }
+  std::string Summary() const override { return "A coarse volume of the object in a picture, which shows it from other viewpoints"; }
+  std::string Example() const override {
+    return "  antipode train volume --objects meshes/train --validation meshes/val --out my_volume --minutes 60\n"
+           "  antipode synthesize photo.png --model my_volume/volume --views 16 --out views\n"
+           "Ctrl-C saves and stops; go on with the same command and --resume.";
+  }
+
+  void DeclareOptions(CLI::App& app) override {
+    DeclareObjects(app, options_.objects);
+    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model volume/")->required()->type_name("DIR");
+    app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to measure on")->type_name("DIR|PACK");
+    DeclareCache(app, options_.cache, options_.views);
+    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
+    app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
+    app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
+    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
+    app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
+    app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch, the picture among them")
+        ->capture_default_str()->type_name("N");
+    app.add_option("--prior", options_.prior, "Whose backbone it sees with")->capture_default_str()->type_name("NAME|FOLDER");
+    common_.Declare(app);
+  }
+
+  void Run() override {
+    common_.Apply();
+    options_.seed = common_.seed;
+    options_.device = common_.device;
+    options_.threads = common_.threads;
+    ProgressLine line(common_.ProgressMode());
+    const VolumeTrainingResult result = TrainVolume(options_, {}, [&](const Progress& progress) {
+      if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
+      line.Show(progress);
+    });
+    common_.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss},
+                       {"validation_db", result.validation_db}, {"picture_db", result.picture_db}});
+    if (result.interrupted) ThrowStopped(result.steps);
+    if (!common_.PrintsText()) return;
+    std::cout << Formatted("%lld steps, loss %.4f\n", static_cast<long long>(result.steps), result.last_loss);
+    if (result.validation_db > 0)
+      std::cout << Formatted("Validation: views %.2f dB to the rendering, the picture itself %.2f dB\n", result.validation_db, result.picture_db);
+    std::cout << "Model: " << result.model.string() << "\n";
+  }
+
+ private:
+  VolumeTrainingOptions options_;
+  CommonOptions common_;
+};
+
 class TrainMatcherCommand : public Command {
  public:
   std::string Name() const override { return "matcher"; }
@@ -441,6 +493,7 @@ class TrainCommand : public Command {
     commands.push_back(std::make_unique<TrainRankerCommand>());
     commands.push_back(std::make_unique<TrainUprightCommand>());
     commands.push_back(std::make_unique<TrainViewsCommand>());
+    commands.push_back(std::make_unique<TrainVolumeCommand>());
     commands.push_back(std::make_unique<TrainMatcherCommand>());
     for (const auto network : {TrainViewComparisonCommand::Network::kSelector, TrainViewComparisonCommand::Network::kRefiner})
       commands.push_back(std::make_unique<TrainViewComparisonCommand>(network));
