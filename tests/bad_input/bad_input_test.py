@@ -280,7 +280,8 @@ def add_references(corpus):
     refused("reference of a missing mesh", 1, ["no.glb"], "--mesh", "no.glb", "--out", corpus.folder / "r3")
     refused("reference with four views", 2, ["--views"], "--mesh", mesh, "--views", "4", "--out", corpus.folder / "r4")
     refused("reference from elevation 95", 2, ["--elevation"], corpus.good, "--elevation", "95", "--out", corpus.folder / "r5")
-    refused("reference without a diffusion model", 1, ["zero123", "models import"], corpus.good, "--out", corpus.folder / "r6")
+    refused("reference without a diffusion model", 1, ["zero123", "models import"], corpus.good, "--synthesis-model", "zero123",
+            "--out", corpus.folder / "r6")
 
     def built():
         if not (whole / "reference.json").is_file():

@@ -17,7 +17,7 @@ import time
 from program import Program, expect, mask, photo, require_files, run_checks
 
 COMMANDS = ("pose", "match", "reference build", "reference info", "orient", "synthesize", "render", "evaluate", "train prior",
-            "train ranker", "train upright", "train matcher", "train selector", "train refiner", "train pack", "models list", "models verify", "models import", "doctor")
+            "train ranker", "train upright", "train matcher", "train views", "train volume", "train selector", "train refiner", "train pack", "models list", "models verify", "models import", "doctor")
 KEYS = {
     "": ("antipode", "method", "query_from_reference", "rotation_angle_deg", "confidence", "hypotheses", "evidence",
          "reference", "query", "timings_s", "warnings"),
@@ -154,6 +154,15 @@ class Contract:
             done = self.program.run("synthesize", self.a, "--out", self.folder / "imagined", option, environment=self.environment("synthesis"))
             expect(done.returncode in (1, 2) and word in done.stderr and done.stderr.count("\n") == 1, f"{option}: {done.stderr}")
         expect(not (self.folder / "imagined").exists(), "wrote something")
+
+    def check_views_are_imagined_without_a_download(self):
+        folder = self.folder / "imagined_views"
+        result = json.loads(self.succeed("synthesize", self.a, "--views", 4, "--out", folder, "--json", "-"))
+        expect(result["views"] == 4 and any("coarse" in warning for warning in result["warnings"]), result)
+        expect((folder / "contact_sheet.png").is_file(), "no contact sheet")
+        result = self.pose("--method", "diffusion", "--reference-views", "16")
+        expect(result["method"] == "diffusion", result["method"])
+        expect(any("coarse" in warning for warning in result["warnings"]), result["warnings"])
 
     def check_hypotheses_say_where_they_come_from(self):
         result = self.pose("--method", "auto", query=self.a)

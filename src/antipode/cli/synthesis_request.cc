@@ -17,6 +17,7 @@ namespace antipode {
 namespace {
 
 constexpr char kUprightModel[] = "upright";
+constexpr char kZero123Model[] = "zero123", kVolumeModel[] = "volume", kAutomatic[] = "auto";
 constexpr double kUncertain = 0.8;
 
 std::optional<UprightEstimator> LoadUpright(const std::string& prior_sha256) {
@@ -53,15 +54,29 @@ DenoiserPrecision PrecisionOf(const std::string& name, const std::string& preset
   return preset == "fast" && ProcessorHasBFloat16() ? DenoiserPrecision::kBFloat16 : DenoiserPrecision::kFloat32;
 }
 
+std::string ChosenSynthesisModel(const std::string& name) {
+  if (name == kAutomatic) return IsModelInstalled(kZero123Model) ? kZero123Model : kVolumeModel;
+  if (name == kZero123Model && !IsModelInstalled(name))
+    throw Error("model 'zero123'", "is not installed",
+                "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or take the built-in model 'volume'");
+  return name;
+}
+
+std::optional<std::string> WarningOfCoarseViews(const std::string& name) {
+  if (name != kAutomatic || IsModelInstalled(kZero123Model)) return std::nullopt;
+  return "the views are coarse, of the built-in model 'volume': for a pose --method auto is more accurate; sharper views need the authors' "
+         "weights (antipode models import zero123)";
+}
+
 void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const std::string& views_option) {
   const auto in_group = [&](CLI::Option* option) {
     if (!group.empty()) option->group(group);
   };
-  in_group(app.add_option("--synthesizer", synthesizer, "zero123: imagine the object from the photograph; mesh: render --mesh")
+  in_group(app.add_option("--synthesizer", synthesizer, "diffusion: imagine the object from the photograph; mesh: render --mesh")
                ->capture_default_str()->type_name("NAME"));
   in_group(app.add_option("--mesh", mesh, "The object's mesh (.glb, .gltf or what assimp reads); implies --synthesizer mesh")
                ->type_name("FILE"));
-  in_group(app.add_option("--synthesis-model", model, "The diffusion model: name or folder")->capture_default_str()->type_name("NAME|FOLDER"));
+  in_group(app.add_option("--synthesis-model", model, "What imagines the views: name or folder of a model; auto: zero123 where it was imported, else the built-in volume")->capture_default_str()->type_name("NAME|FOLDER"));
   in_group(app.add_option("--preset", preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()->type_name("NAME"));
   in_group(app.add_option("--precision", precision, "float32, bfloat16, or auto: bfloat16 for the preset fast where the processor has it")
                ->capture_default_str()->type_name("NAME"));
@@ -78,12 +93,11 @@ void SynthesisRequest::Declare(CLI::App& app, const std::string& group, const st
 void SynthesisRequest::Check() const {
   if (!mesh.empty()) return;
   if (IsMesh()) throw InvalidOption("--synthesizer mesh", "has no mesh", "give --mesh object.glb");
-  if (synthesizer != "zero123") throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use zero123 or mesh");
+  if (synthesizer != "diffusion" && synthesizer != kZero123Model)
+    throw InvalidOption("--synthesizer", Quoted(synthesizer) + " is unknown", "use diffusion or mesh");
   SamplingPreset(preset);
   PrecisionOf(precision, preset);
-  if (model == "zero123" && !IsModelInstalled(model))
-    throw Error("model 'zero123'", "is not installed",
-                "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt; or give the object's --mesh");
+  ChosenSynthesisModel(model);
 }
 
 void ViewComparisonRequest::Declare(CLI::App& app, const std::string& group) {
@@ -125,7 +139,7 @@ std::unique_ptr<ViewSynthesizer> SynthesizerOf(const SynthesisRequest& request, 
   if (!request.mesh.empty())
     throw InvalidOption("--search", "has nothing to search with a mesh", "'antipode pose --mesh' finds the whole pose");
   const ReferencePicture picture = MakeReferencePicture(photograph.image, photograph.mask, photograph.camera, turn_deg);
-  return MakeDiffusionSynthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  return MakeDiffusionSynthesizer(ChosenSynthesisModel(request.model), picture.picture, OptionsOf(request), SelectDevice(request.device));
 }
 
 Reference BuildMeshReference(const std::filesystem::path& mesh, int views, const ReferenceModels& models,
@@ -142,10 +156,11 @@ Reference BuildReference(const SynthesisRequest& request, const ReferenceModels&
   const double elevation = oriented.orientation.elevation_deg;
   const ReferencePicture picture =
       MakeReferencePicture(photograph->image, photograph->mask, photograph->camera, oriented.orientation.in_plane_rotation_deg);
-  const auto synthesizer = MakeDiffusionSynthesizer(request.model, picture.picture, OptionsOf(request), SelectDevice(request.device));
+  const auto synthesizer = MakeDiffusionSynthesizer(ChosenSynthesisModel(request.model), picture.picture, OptionsOf(request), SelectDevice(request.device));
   Reference reference = BuildReference(*synthesizer, RequestViewsAllAround(request.views, elevation), *models.prior, models.identity,
                                        picture.CameraFromObject(elevation), folder, progress);
   reference.warnings.insert(reference.warnings.end(), oriented.warnings.begin(), oriented.warnings.end());
+  if (const auto warning = WarningOfCoarseViews(request.model)) reference.warnings.push_back(*warning);
   return reference;
 }
 

@@ -24,11 +24,19 @@ Zero123Options SamplingPreset(const std::string& name);
 /// @throws InvalidOption naming --precision
 DenoiserPrecision PrecisionOf(const std::string& name, const std::string& preset);
 
+/// The model that imagines: for "auto" Zero123 where it was imported, else the built-in volume. @throws Error if the model named
+/// zero123 is not installed
+std::string ChosenSynthesisModel(const std::string& name);
+
+/// To say of views by the built-in volume that were not asked of it; otherwise nothing.
+/// @param name as for ChosenSynthesisModel
+std::optional<std::string> WarningOfCoarseViews(const std::string& name);
+
 /// Where the views of an object come from, as the command line names it.
 struct SynthesisRequest {
-  std::string synthesizer = "zero123";     ///< or "mesh"
+  std::string synthesizer = "diffusion";   ///< or "mesh"
   std::string mesh;                        ///< file, for "mesh"
-  std::string model = "zero123";
+  std::string model = "auto";              ///< see ChosenSynthesisModel
   std::string preset = "fast";
   std::string precision = "auto";
   int views = 64, batch = 4;

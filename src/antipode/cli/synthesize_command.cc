@@ -44,8 +44,9 @@ class SynthesizeCommand : public Command {
   std::string Name() const override { return "synthesize"; }
   std::string Summary() const override { return "Imagine the object in a picture from other viewpoints"; }
   std::string Example() const override {
-    return "  antipode models import zero123 105000.ckpt\n"
-           "  antipode synthesize photo.png --views 32 --elevation 20 --out views";
+    return "  antipode synthesize photo.png --views 32 --elevation 20 --out views\n"
+           "Sharper, with the authors' weights:\n"
+           "  antipode models import zero123 105000.ckpt";
   }
 
   void DeclareOptions(CLI::App& app) override {
@@ -60,7 +61,7 @@ class SynthesizeCommand : public Command {
     app.add_option("--elevations", elevations_deg_, "Instead, all combinations of these elevations..")->delimiter(',')->type_name("DEG,..");
     app.add_option("--azimuths", azimuths_deg_, ".. and azimuths; 0 is the picture's own, positive to the right")
         ->delimiter(',')->type_name("DEG,..");
-    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder")->capture_default_str()
+    app.add_option("--model", model_, "Name of a model (see 'antipode models list') or its folder; auto: zero123 where it was imported, else the built-in volume")->capture_default_str()
         ->type_name("NAME|FOLDER");
     const char* const group = "Sampling";
     app.add_option("--preset", sampling_.preset, "fast, or paper: exactly as the paper's program samples")->capture_default_str()
@@ -82,10 +83,10 @@ class SynthesizeCommand : public Command {
     const std::vector<ViewRequest> requests = Requests();
     const Zero123SynthesisOptions options{sampling_.Resolve(common_.seed), batch_, PrecisionOf(sampling_.precision, sampling_.preset), memory_limit_gb_};
     options.Check();
-    RequireModel();
+    const std::string model = ChosenSynthesisModel(model_);
     const PhotographInput input = LoadPhotograph(picture_, "image");
     const ReferencePicture picture = MakeReferencePicture(input.photograph.image, input.photograph.mask, input.photograph.camera);
-    const auto synthesizer = MakeDiffusionSynthesizer(model_, picture.picture, options, SelectDevice(common_.device));
+    const auto synthesizer = MakeDiffusionSynthesizer(model, picture.picture, options, SelectDevice(common_.device));
     ViewFolder folder(out_, synthesizer->Fingerprint());
     const std::vector<SynthesizedView> views = Synthesize(requests, *synthesizer, folder);
     folder.WriteOverviews(views);
@@ -101,11 +102,6 @@ class SynthesizeCommand : public Command {
     return RequestViews(elevations_deg_, azimuths_deg_, elevation);
   }
 
-  void RequireModel() const {
-    if (model_ == "zero123" && !IsModelInstalled(model_))
-      throw Error("model 'zero123'", "is not installed", "get the authors' 105000.ckpt, then: antipode models import zero123 105000.ckpt");
-  }
-
   std::vector<SynthesizedView> Synthesize(const std::vector<ViewRequest>& requests, const ViewSynthesizer& synthesizer,
                                           ViewFolder& folder) const {
     ProgressLine line(common_.ProgressMode());
@@ -118,6 +114,7 @@ class SynthesizeCommand : public Command {
   void Report(std::size_t count, const PhotographInput& input) const {
     std::vector<std::string> warnings = input.warnings;
     if (!elevation_deg_) warnings.emplace_back("the picture's elevation is taken to be 0 degrees; give --elevation");
+    if (const auto coarse = WarningOfCoarseViews(model_)) warnings.push_back(*coarse);
     common_.WriteJson({{"views", count}, {"folder", out_}, {"warnings", warnings}});
     if (!common_.PrintsText()) return;
     std::cout << count << " views in " << out_ << "; contact_sheet.png shows them all\n";
@@ -125,7 +122,7 @@ class SynthesizeCommand : public Command {
   }
 
   PhotographRequest picture_;
-  std::string out_, model_ = "zero123";
+  std::string out_, model_ = "auto";
   std::optional<double> elevation_deg_;
   int views_ = 32, batch_ = 4;
   double memory_limit_gb_ = 0;

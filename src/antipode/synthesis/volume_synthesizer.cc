@@ -11,7 +11,8 @@
 namespace antipode {
 namespace {
 
-constexpr int kSide = 128;            // of the views, pixels
+constexpr int kSide = 96;             // of the views, pixels: the volume has no more detail
+constexpr int kSamples = 32;
 constexpr double kShownRadius = 1.5;  // so many object radii the views show on all sides of the middle
 // Less opaque than the first is taken for nothing, more than the second for the object.
 constexpr double kHaze = 0.25, kSolid = 0.65;
@@ -49,7 +50,7 @@ void VolumeSynthesizer::Synthesize(std::span<const ViewRequest> requests, const 
     if (progress) progress({"rendering views", static_cast<std::int64_t>(i), static_cast<std::int64_t>(requests.size()), {}});
     const Rigid3 camera_from_volume{ViewFromPicture(requests[i]), Camera().distance * Eigen::Vector3d::UnitZ()};
     const VolumeCamera camera{camera_from_volume, 2 * Camera().focal_length};
-    const torch::Tensor picture = WithoutHaze(RenderVolumes(volume_, std::span(&camera, 1), {.image_size = kSide}));
+    const torch::Tensor picture = WithoutHaze(RenderVolumes(volume_, std::span(&camera, 1), {.image_size = kSide, .samples = kSamples}));
     use(PosedView(requests[i], PicturesOf(picture.cpu()).front(), Camera()));
   }
 }

@@ -107,7 +107,7 @@ TEST(VolumeSynthesizer, ShowsTheObjectFromTheViewpointsAskedFor) {
   std::vector<SynthesizedView> views;
   synthesizer.Synthesize(RequestViews(elevations, azimuths, 20), [&](const SynthesizedView& view) { views.push_back(view); });
   ASSERT_EQ(views.size(), 2u);
-  EXPECT_EQ(views[0].image.size(), cv::Size(128, 128));
+  EXPECT_EQ(views[0].image.size(), cv::Size(96, 96));
   EXPECT_GT(cv::norm(views[0].image, views[1].image, cv::NORM_L1), 1000) << "the views differ";
   EXPECT_NE(synthesizer.Fingerprint(), VolumeSynthesizer(trained.model.string(), 255 - picture).Fingerprint());
 }
