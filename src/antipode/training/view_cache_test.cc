@@ -41,7 +41,7 @@ TEST_F(ViewCacheTest, OfAFolderIsDescribedByOptionsNamesAndSizes) {
   Open(Folder(), "cache");
   const auto bytes = [&](const char* name) { return std::to_string(fs::file_size(Folder() / name)); };
   EXPECT_EQ(Description("cache"), R"({
- "format": 2,
+ "format": 3,
  "image_size": 64,
  "margin": 0.19,
  "objects": [
