@@ -133,9 +133,8 @@ void ShowVolume(const TensorFile& file, const std::string& model, const std::fil
     }
     const auto cameras = VolumeCamerasOf(poses, focal_lengths, size);
     const torch::Tensor seen = RenderVolumes(network->forward(pictures.front()), cameras, {.image_size = side}).rgb;
-    const auto reduced = [&](const torch::Tensor& picture) { return at::adaptive_avg_pool2d(picture, {side, side}); };
     for (int view = 1; view <= views; ++view, ++count) {
-      const torch::Tensor truth = reduced(pictures[view]), picture = reduced(pictures.front()), shown = seen.slice(0, view, view + 1);
+      const torch::Tensor truth = Reduced(pictures[view], side), picture = Reduced(pictures.front(), side), shown = seen.slice(0, view, view + 1);
       own += PeakSignalToNoise(shown, truth);
       own_features += distance_of(shown, truth);
       copied += PeakSignalToNoise(picture, truth);

@@ -107,7 +107,7 @@ class Trainer {
     }
     const auto by_object = [&](const Tensor& all) { return all.view({drawn.groups, views, 3, all.size(2), all.size(3)}); };
     const auto for_each_view = [&](const Tensor& of_objects) { return of_objects.repeat_interleave(views - 1, 0); };
-    const Tensor small = by_object(Reduced(white));
+    const Tensor small = by_object(Reduced(white, model_->config().image_size));
     batch.views = small.slice(1, 1).flatten(0, 1).to(device_);
     batch.pictures = for_each_view(small.select(1, 0)).to(device_);
     if (guide_) {
@@ -116,12 +116,6 @@ class Trainer {
       batch.guides = guide_->Maps(codes, batch.conditions, model_->config().GuideSize()).to(device_);
     }
     return batch;
-  }
-
-  /// To the size of the views: means of pixels.
-  Tensor Reduced(const Tensor& pictures) const {
-    const std::int64_t size = model_->config().image_size;
-    return pictures.size(2) == size ? pictures : at::adaptive_avg_pool2d(pictures, {size, size});
   }
 
   static ViewCondition ConditionOf(const Eigen::Matrix3d& picture, const Eigen::Matrix3d& view) {
@@ -220,6 +214,10 @@ ViewsTrainingResult TrainViews(const ViewsTrainingOptions& options, const ViewDi
   const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
   const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), options.views, progress);
   return Trainer(options, config, cache, progress).Run();
+}
+
+Tensor Reduced(const Tensor& pictures, std::int64_t side) {
+  return pictures.size(2) == side ? pictures : at::adaptive_avg_pool2d(pictures, {side, side});
 }
 
 double PeakSignalToNoise(const Tensor& picture, const Tensor& truth) {

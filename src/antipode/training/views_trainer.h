@@ -44,6 +44,9 @@ struct ViewsTrainingResult {
 /// @param config `guide_channels` follow from the prior
 ViewsTrainingResult TrainViews(const ViewsTrainingOptions& options, const ViewDiffusionConfig& config, const ProgressCallback& progress = {});
 
+/// Pictures [P, C, S, S] reduced to `side` pixels by means of pixels.
+torch::Tensor Reduced(const torch::Tensor& pictures, std::int64_t side);
+
 /// Peak signal-to-noise ratio, dB, of pictures in 0..1.
 double PeakSignalToNoise(const torch::Tensor& picture, const torch::Tensor& truth);
 

@@ -42,11 +42,6 @@ struct Batch {
   std::vector<VolumeCamera> cameras;
 };
 
-/// Means of pixels.
-Tensor Reduced(const Tensor& pictures, std::int64_t side) {
-  return pictures.size(2) == side ? pictures : at::adaptive_avg_pool2d(pictures, {side, side});
-}
-
 Batch BatchOf(const ViewBatch& drawn, int side) {
   const Tensor rgba = drawn.rgba.to(torch::kFloat) / 255, alpha = rgba.slice(1, 3, 4);
   const Tensor white = rgba.slice(1, 0, 3) * alpha + (1 - alpha);
