@@ -85,12 +85,6 @@ ViewCache RenderCache(const TemporaryFolder& folder, const std::filesystem::path
   return ViewCache::OpenOrRender(folder.path() / "cache", MeshCollection::Open(meshes), options, {});
 }
 
-AugmentedView PlainView(const ViewCache& cache, int group, int view, int size) {
-  std::mt19937_64 random(1);
-  const AugmentationOptions none{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0};
-  return AugmentView(cache, group, view, 0, false, size, none, random);
-}
-
 std::vector<Example> Render(const std::filesystem::path& meshes, const ViewDiffusionConfig& config, const std::optional<ViewGuide>& guide, int views) {
   const TemporaryFolder folder;
   const ViewCache cache = RenderCache(folder, meshes, views + 1);
@@ -116,31 +110,15 @@ void ShowVolume(const TensorFile& file, const std::string& model, const std::fil
   const torch::InferenceMode inference;
   ViewVolume network(ViewVolumeConfig::FromMetadata(file.metadata, model));
   LoadWithBackbone(*network, file, model);
-  const int size = network->config().image_size, side = 64;
-  const TemporaryFolder folder;
-  const ViewCache cache = RenderCache(folder, meshes, views + 1);
   const FeatureDistance distance_of;
   double own = 0, own_features = 0, copied = 0, copied_features = 0, count = 0;
-  for (int group = 0; group < cache.group_count(); ++group) {
-    std::vector<Rigid3> poses;
-    std::vector<double> focal_lengths;
-    std::vector<torch::Tensor> pictures;
-    for (int view = 0; view <= views; ++view) {
-      const AugmentedView plain = PlainView(cache, group, view, size);
-      poses.push_back(plain.camera_from_object);
-      focal_lengths.push_back(plain.focal_length);
-      pictures.push_back(OnWhite(plain));
-    }
-    const auto cameras = VolumeCamerasOf(poses, focal_lengths, size);
-    const torch::Tensor seen = RenderVolumes(network->forward(pictures.front()), cameras, {.image_size = side}).rgb;
-    for (int view = 1; view <= views; ++view, ++count) {
-      const torch::Tensor truth = Reduced(pictures[view], side), picture = Reduced(pictures.front(), side), shown = seen.slice(0, view, view + 1);
-      own += PeakSignalToNoise(shown, truth);
-      own_features += distance_of(shown, truth);
-      copied += PeakSignalToNoise(picture, truth);
-      copied_features += distance_of(picture, truth);
-    }
-  }
+  ShowViews(network, meshes, views, torch::kCPU, [&](const ShownView& view) {
+    own += PeakSignalToNoise(view.shown, view.truth);
+    own_features += distance_of(view.shown, view.truth);
+    copied += PeakSignalToNoise(view.picture, view.truth);
+    copied_features += distance_of(view.picture, view.truth);
+    ++count;
+  });
   std::printf("%-38s %5.1f dB to the rendering, features %.3f away\n", "the picture itself", copied / count, copied_features / count);
   std::printf("%-38s %5.1f dB to the rendering, features %.3f away\n", "the volume", own / count, own_features / count);
 }

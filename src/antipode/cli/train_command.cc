@@ -33,6 +33,15 @@ void DeclareCache(CLI::App& app, std::filesystem::path& folder, ViewCacheOptions
       ->capture_default_str()->type_name("N");
 }
 
+/// What all trainers that can be resumed take.
+void DeclareRun(CLI::App& app, TrainingRunOptions& run, const std::string& model) {
+  app.add_option("--out", run.out, "Folder for checkpoint.safetensors, log.csv and the model " + model + "/")->required()->type_name("DIR");
+  app.add_option("--minutes", run.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
+  app.add_option("--iterations", run.iterations, "Or a number of steps, which makes runs reproducible")->type_name("N");
+  app.add_flag("--resume", run.resume, "Go on from OUT/checkpoint.safetensors");
+  app.add_option("--learning-rate", run.learning_rate, "Highest")->capture_default_str()->type_name("X");
+}
+
 template <typename Result>
 void WriteJson(const CommonOptions& common, const Result& result) {
   common.WriteJson({{"model", result.model.string()}, {"steps", result.steps}, {"first_loss", result.first_loss}, {"loss", result.last_loss}});
@@ -217,12 +226,8 @@ class TrainViewsCommand : public Command {
 
   void DeclareOptions(CLI::App& app) override {
     DeclareObjects(app, options_.objects);
-    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model views/")->required()->type_name("DIR");
+    DeclareRun(app, options_.run, "views");
     DeclareCache(app, options_.cache, options_.views);
-    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
-    app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
-    app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
-    app.add_option("--learning-rate", options_.learning_rate, "Of the optimiser")->capture_default_str()->type_name("X");
     app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch")->capture_default_str()->type_name("N");
     app.add_option("--image-size", image_size_, "Side of the pictures, pixels")->capture_default_str()->type_name("N");
@@ -237,7 +242,7 @@ class TrainViewsCommand : public Command {
 
   void Run() override {
     common_.Apply();
-    options_.seed = common_.seed;
+    options_.run.seed = common_.seed;
     options_.device = common_.device;
     if (options_.prior == "none") options_.prior.clear();
     ViewDiffusionConfig config = ViewDiffusionConfig::Small(width_, cell_);
@@ -245,7 +250,7 @@ class TrainViewsCommand : public Command {
     config.target = Choose(predict_, "--predict", "velocity", DiffusionTarget::kVelocity, "noise", DiffusionTarget::kNoise);
     config.pose = Choose(pose_, "--pose", "rotation", PoseCondition::kRelativeRotation, "zero123", PoseCondition::kZero123);
     ProgressLine line(common_.ProgressMode());
-    const ViewsTrainingResult result = TrainViews(options_, config, [&](const Progress& progress) {
+    const TrainingResult result = TrainViews(options_, config, [&](const Progress& progress) {
       if (progress.stage.starts_with("rendering")) ThrowIfInterrupted();
       line.Show(progress);
     });
@@ -283,13 +288,9 @@ class TrainVolumeCommand : public Command {
 
   void DeclareOptions(CLI::App& app) override {
     DeclareObjects(app, options_.objects);
-    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model volume/")->required()->type_name("DIR");
+    DeclareRun(app, options_.run, "volume");
     app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to measure on")->type_name("DIR|PACK");
     DeclareCache(app, options_.cache, options_.views);
-    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
-    app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
-    app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
-    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
     app.add_option("--objects-per-step", options_.objects_per_step, "Objects in a batch")->capture_default_str()->type_name("N");
     app.add_option("--views-per-object", options_.views_per_object, "Views of each object in a batch, the picture among them")
         ->capture_default_str()->type_name("N");
@@ -299,7 +300,7 @@ class TrainVolumeCommand : public Command {
 
   void Run() override {
     common_.Apply();
-    options_.seed = common_.seed;
+    options_.run.seed = common_.seed;
     options_.device = common_.device;
     options_.threads = common_.threads;
     ProgressLine line(common_.ProgressMode());
@@ -334,12 +335,8 @@ class TrainMatcherCommand : public Command {
 
   void DeclareOptions(CLI::App& app) override {
     DeclareObjects(app, options_.objects);
-    app.add_option("--out", options_.out, "Folder for checkpoint.safetensors, log.csv and the model object-lighterglue/")->required()->type_name("DIR");
+    DeclareRun(app, options_.run, "object-lighterglue");
     app.add_option("--start", options_.start, "Model that training starts from")->capture_default_str()->type_name("NAME|FOLDER");
-    app.add_option("--minutes", options_.minutes, "Time budget, all resumed runs together")->capture_default_str()->type_name("N");
-    app.add_option("--iterations", options_.iterations, "Or a number of steps, an object each")->type_name("N");
-    app.add_flag("--resume", options_.resume, "Go on from OUT/checkpoint.safetensors");
-    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
     app.add_option("--points", options_.points, "Features of a picture in every pair")->capture_default_str()->type_name("N");
     app.add_option("--variants", options_.variants, "Variants of an object: itself, then in turn stretched, retextured, joined with another")
         ->capture_default_str()->type_name("N");
@@ -348,9 +345,9 @@ class TrainMatcherCommand : public Command {
 
   void Run() override {
     common_.Apply();
-    options_.seed = common_.seed;
+    options_.run.seed = common_.seed;
     ProgressLine line(common_.ProgressMode());
-    const MatcherTrainingResult result = TrainMatcher(options_, [&](const Progress& progress) { line.Show(progress); });
+    const TrainingResult result = TrainMatcher(options_, [&](const Progress& progress) { line.Show(progress); });
     WriteJson(common_, result);
     if (result.interrupted) ThrowStopped(result.steps);
     if (common_.PrintsText())

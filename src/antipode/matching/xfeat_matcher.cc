@@ -99,13 +99,20 @@ Correspondences XFeatMatcher::MatchSemiDense(const cv::Mat& reference, const cv:
 XFeatLighterGlueMatcher::XFeatLighterGlueMatcher(XFeat xfeat, LightGlue lighter_glue)
     : xfeat_(std::move(xfeat)), lighter_glue_(std::move(lighter_glue)) {}
 
+TensorFile LoadLighterGlueModel(const std::string& lighter_glue) {
+  TensorFile file = LoadModel(lighter_glue);
+  if (!WithoutPrefix(file, kXFeatPrefix).tensors.empty()) return file;
+  TensorFile published = LoadModel(kXFeatLighterGlueModel);
+  for (auto& [name, tensor] : published.tensors)
+    if (name.starts_with(kXFeatPrefix)) file.tensors[name] = std::move(tensor);
+  return file;
+}
+
 XFeatLighterGlueMatcher XFeatLighterGlueMatcher::Load(const std::string& lighter_glue,
                                                       const XFeatOptions& options,
                                                       torch::Device device) {
-  const TensorFile file = LoadModel(lighter_glue);
-  const TensorFile published = WithoutPrefix(file, kXFeatPrefix).tensors.empty() ? LoadModel(kXFeatLighterGlueModel) : TensorFile();
-  const bool is_whole = published.tensors.empty();
-  return {LoadXFeat(is_whole ? file : published, is_whole ? lighter_glue : kXFeatLighterGlueModel, options, device),
+  const TensorFile file = LoadLighterGlueModel(lighter_glue);
+  return {LoadXFeat(file, lighter_glue, options, device),
           LoadLightGlue(LightGlueConfig::LighterGlue(), WithoutPrefix(file, kLighterGluePrefix), lighter_glue, device)};
 }
 

@@ -51,6 +51,9 @@ class XFeatMatcher : public Matcher {
   XFeatDensity density_;
 };
 
+/// A model as `kXFeatLighterGlueModel`; where it is one as `kObjectLighterGlueModel`, together with the published XFeat.
+TensorFile LoadLighterGlueModel(const std::string& lighter_glue);
+
 /// XFeat keypoints matched by LighterGlue, the LightGlue network that was trained for them; scores
 /// are its probabilities.
 class XFeatLighterGlueMatcher : public Matcher {

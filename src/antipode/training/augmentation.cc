@@ -140,6 +140,12 @@ AugmentedView AugmentView(const ViewCache& cache, int group, int view, double ro
   return result;
 }
 
+AugmentedView PlainView(const ViewCache& cache, int group, int view, int image_size) {
+  std::mt19937_64 unused;
+  const AugmentationOptions none{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0};
+  return AugmentView(cache, group, view, /*roll_deg=*/0, /*mirrored=*/false, image_size, none, unused);
+}
+
 torch::Tensor AugmentColors(const torch::Tensor& rgba, int groups, const AugmentationOptions& options,
                             std::uint64_t seed) {
   const auto count = rgba.size(0);

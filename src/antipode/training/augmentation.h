@@ -39,6 +39,9 @@ struct AugmentedView {
 AugmentedView AugmentView(const ViewCache& cache, int group, int view, double roll_deg, bool mirrored,
                           int image_size, const AugmentationOptions& options, std::mt19937_64& random);
 
+/// A cached view as it is, cropped around its mask.
+AugmentedView PlainView(const ViewCache& cache, int group, int view, int image_size);
+
 /// The picture on white, [1, 3, S, S], 0..1.
 torch::Tensor OnWhite(const AugmentedView& view);
 

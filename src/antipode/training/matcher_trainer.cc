@@ -1,9 +1,8 @@
 #include "antipode/training/matcher_trainer.h"
 
 #include <deque>
-#include <fstream>
 #include <future>
-#include <memory>
+#include <optional>
 #include <utility>
 
 #include "antipode/matching/light_glue.h"
@@ -12,15 +11,10 @@
 #include "antipode/nn/parts.h"
 #include "antipode/nn/precision.h"
 #include "antipode/render/mesh_collection.h"
-#include "antipode/training/learning_rate.h"
-#include "antipode/training/loss_average.h"
 #include "antipode/training/mesh_variants.h"
-#include "antipode/training/training_state.h"
 #include "antipode/util/error.h"
 #include "antipode/util/formatted.h"
-#include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
-#include "antipode/util/stopwatch.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -29,9 +23,6 @@ namespace {
 using torch::Tensor;
 namespace fs = std::filesystem;
 
-constexpr char kCheckpoint[] = "checkpoint.safetensors";
-constexpr int kStepsOfAverage = 50;
-constexpr int kWarmUpSteps = 50;
 constexpr int kStepsAhead = 2;
 constexpr std::int64_t kLeastFeatures = 64;
 constexpr double kWeightOfEarlierLayers = 0.1;
@@ -53,7 +44,7 @@ class PairLoader {
 
  private:
   std::vector<SurfacePair> Make(std::int64_t step) const {
-    std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(step)));
+    std::mt19937_64 random(CombineSeeds(options_.run.seed, static_cast<std::uint64_t>(step)));
     Mesh mesh = meshes_.Load(UniformIndex(random, meshes_.size()));
     mesh.Normalize();
     const std::size_t donor = UniformIndex(random, meshes_.size());
@@ -101,44 +92,22 @@ Tensor LossOfLayer(const LightGlueAssignment& said, const TrueMatches& truth) {
 class Trainer {
  public:
   Trainer(const MatcherTrainingOptions& options, const ProgressCallback& progress)
-      : options_(options), progress_(progress), weights_(LoadModel(options.start)), loader_(options, weights_),
+      : options_(options), weights_(LoadLighterGlueModel(options.start)), loader_(options, weights_),
         network_(LightGlueConfig::LighterGlue()) {
     LoadInto(*network_, WithoutPrefix(weights_, kLighterGluePrefix), options.start);
-    average_ = StartAverage(*network_);
-    optimizer_ = std::make_unique<torch::optim::AdamW>(network_->parameters(), torch::optim::AdamWOptions(options.learning_rate).weight_decay(0));
-    if (options.resume) Resume();
+    run_.emplace(options.run, *network_, torch::optim::AdamWOptions().weight_decay(0), std::map<std::string, std::string>{}, progress);
   }
 
-  MatcherTrainingResult Run() {
-    stopwatch_ = {};
-    std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
-    if (!options_.resume) log << "step,minutes,loss\n";
-    MatcherTrainingResult result;
-    while (Fraction() < 1 && !result.interrupted) {
-      Step();
-      if (step_ % 20 == 0) log << step_ << ',' << Minutes() << ',' << losses_.last() << std::endl;
-      if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction()), 1000, Formatted("loss %.3f", losses_.last())});
-      result.interrupted = InterruptRequested();
-    }
-    SaveCheckpoint();
-    result.steps = step_;
-    result.first_loss = losses_.first();
-    result.last_loss = losses_.last();
-    result.model = SaveAverage();
+  TrainingResult Run() {
+    TrainingResult result = run_->Run([this](std::int64_t step) { return AddGradients(step); });
+    result.model = SaveAverage(result.steps);
     return result;
   }
 
  private:
-  double Minutes() const { return minutes_before_ + stopwatch_.Seconds() / 60; }
-  double Fraction() const {
-    return options_.iterations > 0 ? static_cast<double>(step_) / options_.iterations : Minutes() / options_.minutes;
-  }
-
-  void Step() {
-    torch::manual_seed(CombineSeeds(options_.seed + 1, static_cast<std::uint64_t>(step_)));
-    const std::vector<SurfacePair> pairs = loader_.Get(step_);
-    SetLearningRate(*optimizer_, options_.learning_rate * LearningRateFactor(step_, kWarmUpSteps, Fraction()));
-    optimizer_->zero_grad();
+  /// Nothing where of an object no two pictures with features could be had.
+  std::optional<double> AddGradients(std::int64_t step) {
+    const std::vector<SurfacePair> pairs = loader_.Get(step);
     double sum = 0;
     int used = 0;
     for (const SurfacePair& pair : pairs) {
@@ -148,12 +117,7 @@ class Trainer {
       sum += loss.item<double>();
       ++used;
     }
-    ++step_;
-    if (used == 0) return;  // of this object no two pictures with features could be had
-    losses_.Add(sum / used);
-    torch::nn::utils::clip_grad_norm_(network_->parameters(), options_.gradient_clip);
-    optimizer_->step();
-    UpdateAverage(average_, *network_, options_.average_decay, step_);
+    return used > 0 ? std::optional(sum / used) : std::nullopt;
   }
 
   Tensor LossOf(const SurfacePair& pair) const {
@@ -168,59 +132,35 @@ class Trainer {
     return loss;
   }
 
-  void SaveCheckpoint() {
+  fs::path SaveAverage(std::int64_t steps) const {
     TensorFile file;
-    file.metadata = {{"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())}};
-    AddTrainingState(file, *network_, average_, *optimizer_);
-    WriteSafetensors(options_.out / kCheckpoint, file);
-  }
-
-  void Resume() {
-    const fs::path path = options_.out / kCheckpoint;
-    if (!fs::exists(path)) throw BadFile(path.string(), "is missing, there is nothing to resume", "leave out --resume");
-    const TensorFile file = SafetensorsReader(path).ReadAll();
-    RestoreTrainingState(file, *network_, average_, *optimizer_);
-    step_ = std::stoll(file.metadata.at("step"));
-    minutes_before_ = std::stod(file.metadata.at("minutes"));
-  }
-
-  fs::path SaveAverage() const {
-    TensorFile file;
-    for (const auto& [name, tensor] : average_) file.tensors[kLighterGluePrefix + name] = ConvertTo(FromTorch(tensor), Dtype::kF16);
-    file.metadata["training"] = Formatted("%lld steps, seed %llu", static_cast<long long>(step_), static_cast<unsigned long long>(options_.seed));
-    SaveModel(options_.out, kObjectLighterGlueModel, file, "LighterGlue for views of one object from far apart", "Apache-2.0",
+    for (const auto& [name, tensor] : run_->average()) file.tensors[kLighterGluePrefix + name] = ConvertTo(FromTorch(tensor), Dtype::kF16);
+    file.metadata["training"] = Formatted("%lld steps, seed %llu", static_cast<long long>(steps), static_cast<unsigned long long>(options_.run.seed));
+    SaveModel(options_.run.out, kObjectLighterGlueModel, file, "LighterGlue for views of one object from far apart", "Apache-2.0",
               "# " + std::string(kObjectLighterGlueModel) + "\n\nTrained by `antipode train matcher` from `" + options_.start + "`: " +
                   file.metadata["training"] + ".\n");
-    return options_.out / kObjectLighterGlueModel;
+    return options_.run.out / kObjectLighterGlueModel;
   }
 
   const MatcherTrainingOptions& options_;
-  const ProgressCallback& progress_;
   TensorFile weights_;
   PairLoader loader_;
   LightGlue network_;
-  std::unique_ptr<torch::optim::AdamW> optimizer_;
-  MovingAverage average_;
-  std::int64_t step_ = 0;
-  LossAverage losses_{kStepsOfAverage};
-  double minutes_before_ = 0;
-  Stopwatch stopwatch_;
+  std::optional<TrainingRun> run_;
 };
 
 }  // namespace
 
 void MatcherTrainingOptions::Check() const {
-  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
-  if (iterations < 0) throw InvalidOption("iterations", "must not be negative");
+  run.Check();
   if (points < 16 || features < points) throw InvalidOption("points", "must be 16 to the number of features");
   if (variants < 1) throw InvalidOption("variants", "must be at least 1");
-  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
   pairs.Check();
 }
 
-MatcherTrainingResult TrainMatcher(const MatcherTrainingOptions& options, const ProgressCallback& progress) {
+TrainingResult TrainMatcher(const MatcherTrainingOptions& options, const ProgressCallback& progress) {
   options.Check();
-  fs::create_directories(options.out);
+  fs::create_directories(options.run.out);
   return Trainer(options, progress).Run();
 }
 

@@ -4,34 +4,21 @@
 #include <string>
 
 #include "antipode/training/matching_pairs.h"
+#include "antipode/training/training_run.h"
 #include "antipode/util/progress.h"
 
 namespace antipode {
 
 struct MatcherTrainingOptions {
   std::filesystem::path objects;  ///< folder or pack of .glb files
-  std::filesystem::path out;      ///< folder for checkpoint.safetensors, log.csv and the model
   std::string start = "xfeat-lighterglue";  ///< the model that training starts from
-  double minutes = 90;            ///< time budget, counted over all resumed runs
-  int iterations = 0;             ///< if positive, the budget instead of `minutes`
+  TrainingRunOptions run{.minutes = 90, .learning_rate = 3e-4, .warm_up_steps = 50, .average_decay = 0.995, .averaged_losses = 50};
   int features = 1024;            ///< of a picture, the best ones
   int points = 512;               ///< drawn of them for every pair
   int variants = 4;               ///< of an object, see RandomVariant
   double stretch = 1.3;
-  double learning_rate = 3e-4;    ///< highest; falls along a cosine
-  double gradient_clip = 1.0;
-  double average_decay = 0.995;   ///< of the exponential moving average that is saved as the model
-  bool resume = false;
-  std::uint64_t seed = 1;
   MatchingPairOptions pairs;
   void Check() const;
-};
-
-struct MatcherTrainingResult {
-  std::int64_t steps = 0;
-  double first_loss = 0, last_loss = 0;  ///< means of the first and the last 50 steps of this run
-  bool interrupted = false;
-  std::filesystem::path model;
 };
 
 /// Trains LighterGlue on rendered objects seen from far apart, where the published weights, made for scenes, find little. XFeat
@@ -41,6 +28,6 @@ struct MatcherTrainingResult {
 /// s the probability of having a match; all layers but the last count a tenth.
 ///
 /// A step's random numbers depend on the seed and the step alone.
-MatcherTrainingResult TrainMatcher(const MatcherTrainingOptions& options, const ProgressCallback& progress = {});
+TrainingResult TrainMatcher(const MatcherTrainingOptions& options, const ProgressCallback& progress = {});
 
 }  // namespace antipode

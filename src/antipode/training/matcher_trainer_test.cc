@@ -18,8 +18,8 @@ MatcherTrainingOptions TinyTraining(const std::filesystem::path& folder) {
   WriteFileAtomically(folder / "objects" / "tetrahedron.glb", TetrahedronGlb(0.8f));
   MatcherTrainingOptions options;
   options.objects = folder / "objects";
-  options.out = folder / "out";
-  options.iterations = 2;
+  options.run.out = folder / "out";
+  options.run.iterations = 2;
   options.points = 96;
   options.features = 128;
   options.pairs.views = 4;
@@ -34,7 +34,7 @@ bool HaveTheSameWeights(const TensorFile& a, const TensorFile& b) {
 TEST(TrainMatcher, WritesAModelThatMatchesAndGoesOnFromIt) {
   const TemporaryFolder temporary;
   MatcherTrainingOptions options = TinyTraining(temporary.path());
-  const MatcherTrainingResult result = TrainMatcher(options);
+  const TrainingResult result = TrainMatcher(options);
   EXPECT_EQ(result.steps, 2);
   EXPECT_GT(result.last_loss, 0);
   const TensorFile trained = LoadModel(result.model.string());
@@ -42,8 +42,8 @@ TEST(TrainMatcher, WritesAModelThatMatchesAndGoesOnFromIt) {
   const cv::Mat blank(64, 64, CV_8UC3, cv::Scalar::all(200));
   EXPECT_EQ(XFeatLighterGlueMatcher::Load(result.model.string()).Match(blank, blank).size(), 0U);
 
-  options.resume = true;
-  options.iterations = 3;
+  options.run.resume = true;
+  options.run.iterations = 3;
   EXPECT_EQ(TrainMatcher(options).steps, 3);
 }
 
@@ -53,22 +53,31 @@ TEST(TrainMatcher, SameSeedGivesTheSameModel) {
   EXPECT_TRUE(HaveTheSameWeights(LoadModel(a.model.string()), LoadModel(b.model.string())));
 }
 
+TEST(TrainMatcher, StartsFromALighterGlueWithoutItsXFeat) {
+  const TemporaryFolder temporary;
+  MatcherTrainingOptions options = TinyTraining(temporary.path());
+  options.run.iterations = 1;
+  options.start = kObjectLighterGlueModel;
+  const TrainingResult result = TrainMatcher(options);
+  EXPECT_FALSE(HaveTheSameWeights(LoadModel(result.model.string()), LoadModel(kObjectLighterGlueModel)));
+}
+
 TEST(TrainMatcher, TakesAPackInPlaceOfAFolder) {
   const TemporaryFolder temporary;
   MatcherTrainingOptions options = TinyTraining(temporary.path());
   const std::filesystem::path pack = temporary.path() / "objects.pack";
   PackMeshes(MeshCollection::Open(options.objects), pack, {}, {});
   options.objects = pack;
-  options.iterations = 1;
+  options.run.iterations = 1;
   EXPECT_EQ(TrainMatcher(options).steps, 1);
 }
 
 TEST(TrainMatcher, RefusesWhatCannotWork) {
   const TemporaryFolder temporary;
   MatcherTrainingOptions options = TinyTraining(temporary.path());
-  options.resume = true;
+  options.run.resume = true;
   EXPECT_THROW(TrainMatcher(options), BadFile);  // nothing to resume
-  options.resume = false;
+  options.run.resume = false;
   options.points = options.features + 1;
   EXPECT_THROW(TrainMatcher(options), InvalidOption);
   options = TinyTraining(temporary.path());

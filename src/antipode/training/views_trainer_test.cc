@@ -31,12 +31,12 @@ ViewsTrainingOptions TinyTraining(const std::filesystem::path& folder) {
   WriteFileAtomically(folder / "objects" / "tetrahedron.glb", TetrahedronGlb(0.8f));
   ViewsTrainingOptions options;
   options.objects = folder / "objects";
-  options.out = folder / "out";
+  options.run.out = folder / "out";
   options.prior.clear();
   options.objects_per_step = 1;
   options.views_per_object = 6;
-  options.learning_rate = 4e-3;
-  options.average_decay = 0.98;
+  options.run.learning_rate = 4e-3;
+  options.run.average_decay = 0.98;
   options.views.views_per_object = 6;
   options.views.variants = 1;
   options.views.image_size = 64;
@@ -47,32 +47,27 @@ ViewsTrainingOptions TinyTraining(const std::filesystem::path& folder) {
   return options;
 }
 
-/// A view of the training cache as the trainer sees it, without roll.
-std::pair<torch::Tensor, Eigen::Matrix3d> PlainView(const ViewCache& cache, int view, int size, const AugmentationOptions& plain) {
-  std::mt19937_64 random(1);
-  const AugmentedView augmented = AugmentView(cache, 0, view, 0, false, size, plain, random);
-  return {OnWhite(augmented), augmented.camera_from_object.rotation};
-}
-
 TEST(TrainViews, OverfitsOneObject) {
   torch::set_num_threads(1);  // faster than two for so small a network
   const TemporaryFolder temporary;
   ViewsTrainingOptions options = TinyTraining(temporary.path());
-  options.iterations = 600;
+  options.run.iterations = 600;
   options.views.views_per_object = options.views_per_object = 3;  // six pairs of a picture and a view: soon known by heart
-  options.learning_rate = 2e-3;
-  const ViewsTrainingResult result = TrainViews(options, TinyConfig());
+  options.run.learning_rate = 2e-3;
+  const TrainingResult result = TrainViews(options, TinyConfig());
   EXPECT_LT(result.last_loss, 0.3 * result.first_loss) << result.first_loss << " to " << result.last_loss;
 
   const TensorFile file = LoadModel(result.model.string());
   ViewDiffusion model(ViewDiffusionConfig::FromMetadata(file.metadata, "model"));
   LoadInto(*model, file, "model");
-  const ViewCache cache = ViewCache::OpenOrRender(options.out / "cache", MeshCollection::Open(options.objects), options.views, {});
-  const auto [picture, picture_pose] = PlainView(cache, 0, 16, options.augmentation);
+  const ViewCache cache = ViewCache::OpenOrRender(options.run.out / "cache", MeshCollection::Open(options.objects), options.views, {});
+  const AugmentedView from = PlainView(cache, 0, 0, 16);
+  const torch::Tensor picture = OnWhite(from);
   double sampled = 0, copied = 0;
   for (int view = 1; view < 3; ++view) {
-    const auto [truth, pose] = PlainView(cache, view, 16, options.augmentation);
-    const std::vector<ViewCondition> condition{{pose * picture_pose.transpose(), {}}};
+    const AugmentedView to = PlainView(cache, 0, view, 16);
+    const torch::Tensor truth = OnWhite(to);
+    const std::vector<ViewCondition> condition{{to.camera_from_object.rotation * from.camera_from_object.rotation.transpose(), {}}};
     const std::vector<std::string> name{std::to_string(view)};
     const Zero123Options sampling{.solver = Solver::kDpmSolverPlusPlus, .steps = 12, .eta = 0, .guidance_scale = 1};
     sampled += PeakSignalToNoise(model->SampleViews(picture * 2 - 1, condition, name, sampling), truth) / 2;
@@ -85,15 +80,15 @@ TEST(TrainViews, OverfitsOneObject) {
 TEST(TrainViews, ResumesWhereItStopped) {
   const TemporaryFolder temporary;
   ViewsTrainingOptions options = TinyTraining(temporary.path());
-  options.iterations = 3;
+  options.run.iterations = 3;
   TrainViews(options, TinyConfig());
-  const TensorFile stopped = SafetensorsReader(options.out / "checkpoint.safetensors").ReadAll();
+  const TensorFile stopped = SafetensorsReader(options.run.out / "checkpoint.safetensors").ReadAll();
   EXPECT_EQ(stopped.metadata.at("step"), "3");
-  options.resume = true;
+  options.run.resume = true;
   EXPECT_EQ(TrainViews(options, TinyConfig()).steps, 3) << "the budget is used up";
-  const TensorFile same = SafetensorsReader(options.out / "checkpoint.safetensors").ReadAll();
+  const TensorFile same = SafetensorsReader(options.run.out / "checkpoint.safetensors").ReadAll();
   for (const auto& [name, tensor] : stopped.tensors) EXPECT_TRUE(torch::equal(ToTorch(tensor), ToTorch(same.tensors.at(name)))) << name;
-  options.iterations = 5;
+  options.run.iterations = 5;
   EXPECT_EQ(TrainViews(options, TinyConfig()).steps, 5);
   ViewDiffusionConfig other = TinyConfig();
   other.target = DiffusionTarget::kNoise;

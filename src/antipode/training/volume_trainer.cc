@@ -1,8 +1,7 @@
 #include "antipode/training/volume_trainer.h"
 
 #include <cmath>
-#include <fstream>
-#include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -12,15 +11,9 @@
 #include "antipode/nn/precision.h"
 #include "antipode/synthesis/object_centric_picture.h"
 #include "antipode/training/batch_loader.h"
-#include "antipode/training/learning_rate.h"
-#include "antipode/training/loss_average.h"
-#include "antipode/training/training_state.h"
 #include "antipode/training/views_trainer.h"
 #include "antipode/util/error.h"
 #include "antipode/util/formatted.h"
-#include "antipode/util/interrupt.h"
-#include "antipode/util/seeds.h"
-#include "antipode/util/stopwatch.h"
 #include "antipode/util/temporary_folder.h"
 #include "antipode/weights/registry.h"
 
@@ -30,9 +23,8 @@ namespace {
 using torch::Tensor;
 namespace fs = std::filesystem;
 
-constexpr char kCheckpoint[] = "checkpoint.safetensors";
-constexpr int kWarmUpSteps = 100;
 constexpr int kAllBlocks = 16;
+constexpr int kValidationViews = 10, kShownSide = 64;
 
 /// Pictures of objects, and how they look from elsewhere.
 struct Batch {
@@ -64,40 +56,20 @@ class Trainer {
         progress_(progress),
         device_(SelectDevice(options.device)),
         backbone_(LoadSharedBackbone(options.prior)),
-        loader_(cache, options.objects_per_step, options.views_per_object, config.image_size, options.augmentation, options.seed) {
-    torch::manual_seed(options.seed);
+        loader_(cache, options.objects_per_step, options.views_per_object, config.image_size, options.augmentation, options.run.seed) {
+    torch::manual_seed(options.run.seed);
     model_ = ViewVolume(config);
     LoadInto(*model_->backbone, backbone_.tensors, options.prior);
     model_->backbone->AbsorbNormalization();
     model_->backbone->FreezeFirstBlocks(kAllBlocks);
     model_->to(device_);
-    std::vector<Tensor> trained;
-    for (auto& item : model_->named_parameters()) {
-      item.value().set_requires_grad(!IsBackbone(item.key()));
-      if (item.value().requires_grad()) trained.push_back(item.value());
-    }
-    average_ = StartAverage(*model_);
-    optimizer_ = std::make_unique<torch::optim::AdamW>(
-        trained, torch::optim::AdamWOptions(options.learning_rate).weight_decay(options.weight_decay).betas({0.9, 0.99}));
-    if (options.resume) Resume();
+    for (auto& item : model_->named_parameters()) item.value().set_requires_grad(!IsBackbone(item.key()));
+    run_.emplace(options.run, *model_, torch::optim::AdamWOptions().weight_decay(options.weight_decay).betas({0.9, 0.99}), config.ToMetadata(),
+                 progress);
   }
 
   VolumeTrainingResult Run() {
-    stopwatch_ = {};
-    std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
-    if (!options_.resume) log << "step,minutes,loss\n";
-    VolumeTrainingResult result;
-    while (Fraction() < 1) {
-      Step();
-      if (step_ % 20 == 0) log << step_ << ',' << Minutes() << ',' << losses_.last() << std::endl;
-      if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction()), 1000, "loss " + std::to_string(losses_.last())});
-      result.interrupted = InterruptRequested();
-      if (result.interrupted) break;
-    }
-    SaveCheckpoint();
-    result.steps = step_;
-    result.first_loss = losses_.first();
-    result.last_loss = losses_.last();
+    VolumeTrainingResult result{run_->Run([this](std::int64_t step) { return AddGradients(step); })};
     TakeAverage();
     if (!result.interrupted && !options_.validation_objects.empty()) Validate(result);
     result.model = SaveAverage(result);
@@ -105,16 +77,8 @@ class Trainer {
   }
 
  private:
-  double Minutes() const { return minutes_before_ + stopwatch_.Seconds() / 60; }
-  double Fraction() const {
-    return options_.iterations > 0 ? static_cast<double>(step_) / options_.iterations : Minutes() / options_.minutes;
-  }
-
-  void Step() {
-    torch::manual_seed(CombineSeeds(options_.seed + 1, static_cast<std::uint64_t>(step_)));
-    const Batch batch = BatchOf(loader_.Get(step_), options_.rendering.image_size);
-    SetLearningRate(*optimizer_, options_.learning_rate * LearningRateFactor(step_, kWarmUpSteps, Fraction()));
-    optimizer_->zero_grad();
+  double AddGradients(std::int64_t step) {
+    const Batch batch = BatchOf(loader_.Get(step), options_.rendering.image_size);
     Tensor volumes;
     {
       const BFloat16Autocast autocast(device_.type(), device_.is_cuda() || ProcessorHasBFloat16());
@@ -123,70 +87,25 @@ class Trainer {
     const VolumeViews seen = RenderVolumes(volumes.to(torch::kFloat), batch.cameras, options_.rendering);
     const Tensor loss = (seen.rgb - batch.views.to(device_)).square().mean() +
                         options_.alpha_weight * (seen.alpha - batch.alphas.to(device_)).square().mean();
-    losses_.Add(loss.item<double>());
     loss.backward();
-    torch::nn::utils::clip_grad_norm_(model_->parameters(), options_.gradient_clip);
-    optimizer_->step();
-    UpdateAverage(average_, *model_, options_.average_decay, step_);
-    ++step_;
-  }
-
-  void SaveCheckpoint() {
-    TensorFile file;
-    file.metadata = model_->config().ToMetadata();
-    file.metadata.merge(std::map<std::string, std::string>{{"step", std::to_string(step_)}, {"minutes", std::to_string(Minutes())}});
-    AddTrainingState(file, *model_, average_, *optimizer_);
-    WriteSafetensors(options_.out / kCheckpoint, file);
-  }
-
-  void Resume() {
-    const fs::path path = options_.out / kCheckpoint;
-    if (!fs::exists(path)) throw BadFile(path.string(), "is missing, there is nothing to resume", "leave out --resume");
-    const TensorFile file = SafetensorsReader(path).ReadAll();
-    if (ViewVolumeConfig::FromMetadata(file.metadata, path.string()).ToMetadata() != model_->config().ToMetadata())
-      throw BadFile(path.string(), "was made with another configuration", "resume with the options it was started with");
-    RestoreTrainingState(file, *model_, average_, *optimizer_);
-    step_ = std::stoll(file.metadata.at("step"));
-    minutes_before_ = std::stod(file.metadata.at("minutes"));
+    return loss.item<double>();
   }
 
   void TakeAverage() {
     const torch::NoGradGuard no_gradient;
     for (auto& item : model_->named_parameters())
-      if (!IsBackbone(item.key())) item.value().copy_(average_.at(item.key()));
+      if (!IsBackbone(item.key())) item.value().copy_(run_->average().at(item.key()));
     model_->eval();
   }
 
-  /// Views of 64 pixels, the first of every object being the picture.
   void Validate(VolumeTrainingResult& result) {
     if (progress_) progress_({"validating", 0, 0, {}});
-    const torch::NoGradGuard no_gradient;
-    const TemporaryFolder folder;
-    ViewCacheOptions views;
-    views.views_per_object = kValidationViews;
-    views.variants = 1;
-    views.wide_share = 0;
-    const ViewCache cache = ViewCache::OpenOrRender(folder.path() / "cache", MeshCollection::Open(options_.validation_objects), views, {});
-    const AugmentationOptions none{.level_share = 1, .tilted_share = 0, .level_deviation_deg = 0, .mirror_share = 0, .crop_shift = 0, .crop_scale = 0,
-                                   .mask_error_share = 0, .blur_share = 0, .recolor_share = 0};
-    BatchLoader loader(cache, cache.group_count(), kValidationViews, model_->config().image_size, none, 1);
-    const Batch batch = BatchOf(loader.Get(0), kValidationSide);
     std::int64_t count = 0;
-    const auto each = static_cast<std::int64_t>(batch.cameras.size()) / batch.pictures.size(0);
-    for (std::int64_t object = 0; object < batch.pictures.size(0); ++object) {
-      const Tensor picture = batch.pictures.slice(0, object, object + 1);
-      const Tensor volume = model_->forward(picture.to(device_)).to(torch::kFloat);
-      const auto cameras = std::span(batch.cameras).subspan(object * each, each);
-      const Tensor seen = RenderVolumes(volume, cameras, {.image_size = kValidationSide}).rgb.cpu();
-      const Tensor small = Reduced(picture, kValidationSide)[0];
-      for (std::int64_t view = 0; view < each; ++view, ++count) {
-        const Tensor truth = batch.views[object * each + view];
-        result.validation_db += PeakSignalToNoise(seen[view], truth);
-        result.picture_db += PeakSignalToNoise(small, truth);
-      }
-    }
-    result.validation_db /= static_cast<double>(count);
-    result.picture_db /= static_cast<double>(count);
+    ShowViews(model_, options_.validation_objects, kValidationViews, device_, [&](const ShownView& view) {
+      ++count;
+      result.validation_db += (PeakSignalToNoise(view.shown, view.truth) - result.validation_db) / static_cast<double>(count);
+      result.picture_db += (PeakSignalToNoise(view.picture, view.truth) - result.picture_db) / static_cast<double>(count);
+    });
   }
 
   fs::path SaveAverage(const VolumeTrainingResult& result) const {
@@ -199,13 +118,11 @@ class Trainer {
         result.validation_db > 0 ? Formatted("Views of the validation objects: %.2f dB to the rendering; the picture itself: %.2f dB.\n",
                                              result.validation_db, result.picture_db)
                                  : std::string();
-    SaveModel(options_.out, "volume", file, "Coarse volume of an object, seen in one picture of it", "Apache-2.0",
-              "# volume\n\nTrained by `antipode train volume`: " + std::to_string(step_) + " steps, seed " + std::to_string(options_.seed) + ".\n" +
+    SaveModel(options_.run.out, "volume", file, "Coarse volume of an object, seen in one picture of it", "Apache-2.0",
+              "# volume\n\nTrained by `antipode train volume`: " + std::to_string(result.steps) + " steps, seed " + std::to_string(options_.run.seed) + ".\n" +
                   accuracy);
-    return options_.out / "volume";
+    return options_.run.out / "volume";
   }
-
-  static constexpr int kValidationViews = 11, kValidationSide = 64;
 
   const VolumeTrainingOptions& options_;
   const ProgressCallback& progress_;
@@ -213,22 +130,15 @@ class Trainer {
   SharedBackbone backbone_;
   BatchLoader loader_;
   ViewVolume model_{nullptr};
-  std::unique_ptr<torch::optim::AdamW> optimizer_;
-  MovingAverage average_;
-  std::int64_t step_ = 0;
-  LossAverage losses_{20};
-  double minutes_before_ = 0;
-  Stopwatch stopwatch_;
+  std::optional<TrainingRun> run_;
 };
 
 }  // namespace
 
 void VolumeTrainingOptions::Check() const {
-  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
-  if (iterations < 0) throw InvalidOption("iterations", "must not be negative");
+  run.Check();
   if (objects_per_step < 1) throw InvalidOption("objects_per_step", "must be at least 1");
   if (views_per_object < 2) throw InvalidOption("views_per_object", "leaves no pair", "use at least 2");
-  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
   if (rendering.image_size < 8 || rendering.samples < 4) throw InvalidOption("rendering", "must be of 8 pixels and 4 samples at least");
   views.Check();
 }
@@ -247,12 +157,38 @@ std::vector<VolumeCamera> VolumeCamerasOf(std::span<const Rigid3> camera_from_ob
   return cameras;
 }
 
+void ShowViews(ViewVolume& network, const fs::path& meshes, int views, torch::Device device, const std::function<void(const ShownView&)>& use) {
+  const torch::NoGradGuard no_gradient;
+  const TemporaryFolder folder;
+  ViewCacheOptions rendering;
+  rendering.views_per_object = views + 1;
+  rendering.variants = 1;
+  rendering.wide_share = 0;
+  const ViewCache cache = ViewCache::OpenOrRender(folder.path() / "cache", MeshCollection::Open(meshes), rendering, {});
+  const int size = network->config().image_size;
+  for (int group = 0; group < cache.group_count(); ++group) {
+    std::vector<Rigid3> poses;
+    std::vector<double> focal_lengths;
+    std::vector<Tensor> pictures;
+    for (int view = 0; view <= views; ++view) {
+      const AugmentedView plain = PlainView(cache, group, view, size);
+      poses.push_back(plain.camera_from_object);
+      focal_lengths.push_back(plain.focal_length);
+      pictures.push_back(OnWhite(plain));
+    }
+    const Tensor volume = network->forward(pictures.front().to(device)).to(torch::kFloat);
+    const Tensor shown = RenderVolumes(volume, VolumeCamerasOf(poses, focal_lengths, size), {.image_size = kShownSide}).rgb.cpu();
+    for (int view = 1; view <= views; ++view)
+      use({Reduced(pictures.front(), kShownSide), Reduced(pictures[view], kShownSide), shown.slice(0, view, view + 1)});
+  }
+}
+
 VolumeTrainingResult TrainVolume(const VolumeTrainingOptions& options, const ViewVolumeConfig& config, const ProgressCallback& progress) {
   options.Check();
   config.Check();
   torch::set_num_threads(options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency()));
-  fs::create_directories(options.out);
-  const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
+  fs::create_directories(options.run.out);
+  const fs::path folder = options.cache.empty() ? options.run.out / "cache" : options.cache;
   const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), options.views, progress);
   return Trainer(options, config, cache, progress).Run();
 }

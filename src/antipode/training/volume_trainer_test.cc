@@ -24,11 +24,11 @@ VolumeTrainingOptions TinyTraining(const std::filesystem::path& folder) {
   WriteFileAtomically(folder / "objects" / "tetrahedron.glb", TetrahedronGlb(0.8f));
   VolumeTrainingOptions options;
   options.objects = options.validation_objects = folder / "objects";
-  options.out = folder / "out";
+  options.run.out = folder / "out";
   options.objects_per_step = 1;
   options.views_per_object = 6;
-  options.learning_rate = 3e-3;
-  options.average_decay = 0.98;
+  options.run.learning_rate = 3e-3;
+  options.run.average_decay = 0.98;
   options.rendering.image_size = 16;
   options.rendering.samples = 16;
   options.threads = 1;
@@ -43,7 +43,7 @@ VolumeTrainingOptions TinyTraining(const std::filesystem::path& folder) {
 TEST(TrainVolume, ShowsOneObjectBetterThanItsPictureDoes) {
   const TemporaryFolder temporary;
   VolumeTrainingOptions options = TinyTraining(temporary.path());
-  options.iterations = 150;
+  options.run.iterations = 150;
   const VolumeTrainingResult result = TrainVolume(options, TinyConfig());
   EXPECT_EQ(result.steps, 150);
   EXPECT_LT(result.last_loss, 0.5 * result.first_loss) << result.first_loss << " to " << result.last_loss;
@@ -55,21 +55,21 @@ TEST(TrainVolume, ResumesExactly) {
   const TemporaryFolder temporary;
   VolumeTrainingOptions options = TinyTraining(temporary.path());
   options.validation_objects.clear();
-  options.learning_rate = 1e-3;
-  options.iterations = 4;
+  options.run.learning_rate = 1e-3;
+  options.run.iterations = 4;
   const auto weights = [](const VolumeTrainingResult& result) { return SafetensorsReader(result.model / "model.safetensors").ReadAll().tensors; };
   const auto whole = weights(TrainVolume(options, TinyConfig()));
 
-  options.out = temporary.path() / "parts";
+  options.run.out = temporary.path() / "parts";
   options.cache = temporary.path() / "out" / "cache";
   int reports = 0;
   EXPECT_THROW(TrainVolume(options, TinyConfig(), [&](const Progress&) { if (++reports == 3) throw Interrupted("test", "stops"); }), Interrupted);
-  options.resume = true;
+  options.run.resume = true;
   EXPECT_THROW(TrainVolume(options, TinyConfig()), BadFile) << "nothing was saved";
 
-  options.resume = false;
+  options.run.resume = false;
   TrainVolume(options, TinyConfig());
-  options.resume = true;
+  options.run.resume = true;
   const auto again = weights(TrainVolume(options, TinyConfig()));
   for (const auto& [name, tensor] : whole) EXPECT_EQ(tensor.data, again.at(name).data) << name;
   ViewVolumeConfig other = TinyConfig();
@@ -97,7 +97,7 @@ TEST(VolumeCamerasOf, ShowTheMiddleOfTheObjectWhereTheyDid) {
 TEST(VolumeSynthesizer, ShowsTheObjectFromTheViewpointsAskedFor) {
   const TemporaryFolder temporary;
   VolumeTrainingOptions options = TinyTraining(temporary.path());
-  options.iterations = 60;
+  options.run.iterations = 60;
   const VolumeTrainingResult trained = TrainVolume(options, TinyConfig());
   ASSERT_TRUE(IsViewVolume(trained.model.string()));
   cv::Mat picture(96, 96, CV_8UC3, cv::Scalar::all(255));
