@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "antipode/image/degradation.h"
 #include "antipode/nn/synthetic_weights.h"
 #include "antipode/synthesis/turned_picture.h"
 #include "antipode/util/error.h"

@@ -6,6 +6,7 @@
 #include "antipode/cli/pose_methods.h"
 #include "antipode/cli/progress_line.h"
 #include "antipode/evaluation/dataset.h"
+#include "antipode/evaluation/degraded_pictures.h"
 #include "antipode/evaluation/dilated_masks.h"
 #include "antipode/evaluation/evaluation.h"
 #include "antipode/evaluation/evaluation_files.h"
@@ -60,6 +61,8 @@ class EvaluateCommand : public Command {
     app.add_option("--dilate-masks", dilation_percent_, "Make the masks imprecise: dilate them by a square of so many percent of the "
                                                         "picture's shorter side")
         ->type_name("PERCENT");
+    app.add_option("--degrade", degradation_, "Make the pictures worse: motion-blur, noise, jpeg, or cut-off by the picture's border")
+        ->type_name("NAME");
     app.add_option("--different-objects", different_objects_,
                    "Instead of accuracy, measure the confidence on N pairs that show two different objects")
         ->type_name("N");
@@ -77,6 +80,7 @@ class EvaluateCommand : public Command {
     common_.Apply();
     std::unique_ptr<Dataset> dataset = OpenDataset();
     if (dilation_percent_ != 0) dataset = std::make_unique<DilatedMasks>(std::move(dataset), dilation_percent_ / 100);
+    if (degradation_) dataset = std::make_unique<DegradedPictures>(std::move(dataset), DegradationNamed(*degradation_));
     MethodRequest request = method_;
     request.device = common_.device;
     request.synthesis.seed = common_.seed;
@@ -213,6 +217,7 @@ class EvaluateCommand : public Command {
   std::optional<std::string> sweep_;
   bool rotated_ = false;
   double dilation_percent_ = 0;
+  std::optional<std::string> degradation_;
   ObjectProtocolOptions protocol_;
   EvaluationOptions options_;
   CommonOptions common_;

@@ -1,27 +1,12 @@
 #include "antipode/evaluation/dilated_masks.h"
 
 #include <gtest/gtest.h>
-#include <opencv2/imgproc.hpp>
 
+#include "antipode/evaluation/test_dataset.h"
 #include "antipode/util/error.h"
 
 namespace antipode {
 namespace {
-
-/// One picture of 100 x 60 pixels with a mask of 20 x 10.
-class OnePicture : public Dataset {
- public:
-  std::string Name() const override { return "one"; }
-  std::size_t ObjectCount() const override { return 1; }
-  std::size_t PairCount() const override { return 1; }
-  EvaluationScene Load(std::size_t) const override {
-    EvaluationScene scene;
-    scene.views.resize(1);
-    scene.views[0].photograph.mask = cv::Mat::zeros(60, 100, CV_8U);
-    cv::rectangle(scene.views[0].photograph.mask, cv::Rect(40, 20, 20, 10), cv::Scalar(255), cv::FILLED);
-    return scene;
-  }
-};
 
 cv::Rect BoxWith(double share) {
   const DilatedMasks dataset(std::make_unique<OnePicture>(), share);

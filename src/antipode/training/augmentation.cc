@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "antipode/geometry/rotation.h"
+#include "antipode/image/degradation.h"
 #include "antipode/object/object_view.h"
 #include "antipode/util/seeds.h"
 
@@ -67,6 +68,20 @@ void Dilate(cv::Mat& rgba, int pixels, std::mt19937_64& random) {
   rgba.setTo(color, (alpha < 128) & (dilated >= 128));
 }
 
+void Blur(cv::Mat& rgba, std::mt19937_64& random) {
+  if (Chance(random, 0.5)) {
+    cv::GaussianBlur(rgba, rgba, {}, UniformIn(random, 0.4, 1.4));
+  } else {
+    rgba = MotionBlurred(rgba, UniformIn(random, 1.5, 7), UniformIn(random, 0, 180));
+  }
+}
+
+void Compress(cv::Mat& rgba, int quality) {
+  cv::Mat rgb;
+  cv::cvtColor(rgba, rgb, cv::COLOR_RGBA2RGB);
+  cv::mixChannels(AfterJpeg(rgb, quality), rgba, {0, 0, 1, 1, 2, 2});
+}
+
 void Degrade(cv::Mat& rgba, const AugmentationOptions& options, std::mt19937_64& random) {
   if (Chance(random, options.mask_error_share)) {
     const int pixels = 1 + static_cast<int>(UniformIndex(random, options.mask_error_pixels));
@@ -76,8 +91,19 @@ void Degrade(cv::Mat& rgba, const AugmentationOptions& options, std::mt19937_64&
       Dilate(rgba, pixels, random);
     }
   }
-  if (Chance(random, options.blur_share))
-    cv::GaussianBlur(rgba, rgba, {}, UniformIn(random, 0.4, 1.4));
+  if (Chance(random, options.blur_share)) Blur(rgba, random);
+  if (Chance(random, options.compression_share)) Compress(rgba, static_cast<int>(UniformIn(random, 15, 70)));
+}
+
+/// The picture with a part of the object beyond its border, now and then.
+cv::Mat MaybeCutOff(const cv::Mat& rgba, const AugmentationOptions& options, std::mt19937_64& random) {
+  if (!Chance(random, options.cut_share)) return rgba;
+  cv::Mat alpha, cut = rgba.clone();
+  cv::extractChannel(rgba, alpha, 3);
+  const auto side = static_cast<PictureSide>(UniformIndex(random, 4));
+  const cv::Mat rest = CutOff(alpha, side, UniformIn(random, 0.05, 0.25));
+  cut.setTo(cv::Scalar(255, 255, 255, 0), (rest == 0) & (alpha > 0));
+  return cut;
 }
 
 Eigen::Matrix3f HueAndSaturation(double hue_radians, double saturation) {
@@ -112,7 +138,7 @@ double DrawRoll(RollRegime regime, const AugmentationOptions& options, std::mt19
 
 AugmentedView AugmentView(const ViewCache& cache, int group, int view, double roll_deg, bool mirrored,
                           int image_size, const AugmentationOptions& options, std::mt19937_64& random) {
-  const cv::Mat source = cache.Image(group, view);
+  const cv::Mat source = MaybeCutOff(cache.Image(group, view), options, random);
   const double centre = cache.image_size() / 2.0, focal = cache.FocalLength(group, view);
   const PinholeCamera camera{cache.image_size(), cache.image_size(), focal, focal, centre, centre};
   const Eigen::Matrix3d roll = RotationAboutZ(RadiansFromDegrees(roll_deg));
@@ -142,7 +168,7 @@ AugmentedView AugmentView(const ViewCache& cache, int group, int view, double ro
 
 AugmentedView PlainView(const ViewCache& cache, int group, int view, int image_size) {
   std::mt19937_64 unused;
-  const AugmentationOptions none{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0};
+  const AugmentationOptions none{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0, .compression_share = 0, .cut_share = 0};
   return AugmentView(cache, group, view, /*roll_deg=*/0, /*mirrored=*/false, image_size, none, unused);
 }
 

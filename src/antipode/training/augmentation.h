@@ -23,7 +23,9 @@ struct AugmentationOptions {
   double crop_scale = 0.05;
   double mask_error_share = 0.2;
   int mask_error_pixels = 5;
-  double blur_share = 0.2;
+  double blur_share = 0.2;      ///< out of focus or by motion, equally often
+  double compression_share = 0.2;  ///< kept as a JPEG of low quality
+  double cut_share = 0.1;       ///< up to a quarter cut off by the picture's border
   double recolor_share = 0.5;   ///< groups with turned hues
 };
 

@@ -165,7 +165,7 @@ TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
   options.views.image_size = 160;
   const ViewCache cache = ViewCache::OpenOrRender(options.cache, MeshCollection::Open(options.objects), options.views, {});
   AugmentationOptions none;
-  none.crop_shift = none.crop_scale = none.mask_error_share = none.blur_share = 0;
+  none.crop_shift = none.crop_scale = none.mask_error_share = none.blur_share = none.compression_share = none.cut_share = 0;
   std::mt19937_64 random(1);
   const double roll = 30;
   const AugmentedView view = AugmentView(cache, 1, 2, roll, false, 128, none, random);
@@ -182,6 +182,26 @@ TEST_F(PriorTrainerTest, AnAugmentedViewIsThatOfTheTurnedCamera) {
   const Eigen::Vector3d flip(-1, 1, 1);
   EXPECT_LT((mirrored.camera_from_object.translation - flip.cwiseProduct(view.camera_from_object.translation)).norm(), 1e-9);
   EXPECT_LT(AngleBetweenDeg(mirrored.camera_from_object.rotation, flip.asDiagonal() * view.camera_from_object.rotation * flip.asDiagonal()), 1e-6);
+}
+
+TEST_F(PriorTrainerTest, AugmentationCutsOffAndCompresses) {
+  PriorTrainingOptions options = Options("out");
+  const ViewCache cache = ViewCache::OpenOrRender(options.cache, MeshCollection::Open(options.objects), options.views, {});
+  const AugmentedView plain = PlainView(cache, 1, 2, 64);
+  AugmentationOptions only{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0, .compression_share = 1, .cut_share = 0};
+  std::mt19937_64 random(1);
+  const AugmentedView compressed = AugmentView(cache, 1, 2, 0, false, 64, only, random);
+  cv::Mat alpha, kept;
+  cv::extractChannel(plain.rgba, alpha, 3);
+  cv::extractChannel(compressed.rgba, kept, 3);
+  EXPECT_EQ(cv::norm(alpha, kept), 0) << "a file's compression leaves the mask alone";
+  EXPECT_GT(cv::norm(plain.rgba, compressed.rgba), 0);
+
+  only.compression_share = 0;
+  only.cut_share = 1;
+  const AugmentedView cut = AugmentView(cache, 1, 2, 0, false, 64, only, random);
+  const auto centre = [](const AugmentedView& view) { return (view.focal_length * view.camera_from_object.translation.hnormalized()).eval(); };
+  EXPECT_GT((centre(cut) - centre(plain)).norm(), 1) << "the middle of what is left is not the object's";
 }
 
 TEST_F(PriorTrainerTest, BatchesDependOnSeedAndIndexOnly) {

@@ -22,7 +22,8 @@ struct ViewsTrainingOptions {
   std::string device = "auto";
   ViewCacheOptions views;
   /// What is learned is how objects look, not what cameras do to pictures: no colours, blur or errors of masks and crops.
-  AugmentationOptions augmentation{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0, .recolor_share = 0};
+  AugmentationOptions augmentation{.crop_shift = 0, .crop_scale = 0, .mask_error_share = 0, .blur_share = 0, .compression_share = 0,
+                                   .cut_share = 0, .recolor_share = 0};
   void Check() const;
 };
 

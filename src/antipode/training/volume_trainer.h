@@ -29,7 +29,7 @@ struct VolumeTrainingOptions {
   int threads = 0;                   ///< 0: as many as processors
   ViewCacheOptions views;
   AugmentationOptions augmentation{.level_share = 1, .tilted_share = 0, .crop_shift = 0.01, .crop_scale = 0.01, .mask_error_share = 0,
-                                   .blur_share = 0, .recolor_share = 0};
+                                   .blur_share = 0, .compression_share = 0, .cut_share = 0, .recolor_share = 0};
   void Check() const;
 };
 

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <numbers>
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "antipode/geometry/rotation.h"
@@ -179,15 +178,6 @@ std::vector<cv::Mat> PicturesOf(const torch::Tensor& images) {
     pictures.push_back(cv::Mat(static_cast<int>(bytes.size(1)), static_cast<int>(bytes.size(2)), CV_8UC3,
                                bytes[i].data_ptr()).clone());
   return pictures;
-}
-
-cv::Mat AfterJpeg(const cv::Mat& picture, int quality) {
-  cv::Mat blue_first, decoded;
-  cv::cvtColor(picture, blue_first, cv::COLOR_RGB2BGR);
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(".jpg", blue_first, bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
-  cv::cvtColor(cv::imdecode(bytes, cv::IMREAD_COLOR), decoded, cv::COLOR_BGR2RGB);
-  return decoded;
 }
 
 cv::Rect BoxOfObject(const cv::Mat& picture) {

@@ -24,10 +24,6 @@ torch::Tensor PictureTensor(const cv::Mat& picture);
 /// 8UC3 RGB pictures of [P, 3, H, W] in 0..1; truncated, not rounded, as the published program does.
 std::vector<cv::Mat> PicturesOf(const torch::Tensor& images);
 
-/// What is left of a picture after storing it as JPEG (quality 75, 4:2:0), as the paper's program does with its views.
-/// @param picture 8UC3, RGB
-cv::Mat AfterJpeg(const cv::Mat& picture, int quality = 75);
-
 /// The box of the pixels that differ from white by more than 5 in some channel; its size is the last minus the first, as
 /// the published program measures, so that the last row and column lie outside.
 /// @throws Error if the picture is all white

@@ -1,0 +1,55 @@
+#include "antipode/evaluation/degraded_pictures.h"
+
+#include <algorithm>
+#include <random>
+#include <utility>
+
+#include "antipode/image/degradation.h"
+#include "antipode/util/error.h"
+#include "antipode/util/seeds.h"
+
+namespace antipode {
+namespace {
+
+constexpr double kBlurLength = 0.02;    // of the shorter side
+constexpr double kNoiseDeviation = 15;  // of 255
+constexpr int kJpegQuality = 15;
+constexpr double kCutShare = 0.2;
+
+void Degrade(ObjectPhotograph& photograph, Degradation degradation, std::mt19937_64& random) {
+  const int side = std::min(photograph.image.cols, photograph.image.rows);
+  switch (degradation) {
+    case Degradation::kMotionBlur:
+      photograph.image = MotionBlurred(photograph.image, kBlurLength * side, UniformIn(random, 0, 180));
+      return;
+    case Degradation::kNoise: photograph.image = WithNoise(photograph.image, kNoiseDeviation, random()); return;
+    case Degradation::kJpeg: photograph.image = AfterJpeg(photograph.image, kJpegQuality); return;
+    case Degradation::kCutOff:
+      photograph.mask = CutOff(photograph.mask, static_cast<PictureSide>(UniformIndex(random, 4)), kCutShare);
+      return;
+  }
+}
+
+}  // namespace
+
+Degradation DegradationNamed(const std::string& name) {
+  if (name == "motion-blur") return Degradation::kMotionBlur;
+  if (name == "noise") return Degradation::kNoise;
+  if (name == "jpeg") return Degradation::kJpeg;
+  if (name == "cut-off") return Degradation::kCutOff;
+  throw InvalidOption("degrade", "is " + name, "use motion-blur, noise, jpeg or cut-off");
+}
+
+DegradedPictures::DegradedPictures(std::unique_ptr<Dataset> dataset, Degradation degradation)
+    : dataset_(std::move(dataset)), degradation_(degradation) {}
+
+EvaluationScene DegradedPictures::Load(std::size_t index) const {
+  EvaluationScene scene = dataset_->Load(index);
+  for (std::size_t view = 0; view < scene.views.size(); ++view) {
+    std::mt19937_64 random(CombineSeeds(index, view));
+    Degrade(scene.views[view].photograph, degradation_, random);
+  }
+  return scene;
+}
+
+}  // namespace antipode

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "antipode/evaluation/dataset.h"
+
+namespace antipode {
+
+/// How a data set's pictures are made worse; lengths are of the picture's shorter side.
+enum class Degradation {
+  kMotionBlur,  ///< along 2 percent, in any direction
+  kNoise,       ///< of deviation 0.06 of white
+  kJpeg,        ///< of quality 15
+  kCutOff,      ///< a fifth of the object's box, on any side, is beyond the picture's border
+};
+
+/// @param name motion-blur, noise, jpeg or cut-off @throws InvalidOption
+Degradation DegradationNamed(const std::string& name);
+
+/// A data set of photographs as they really are. What chance decides depends on the scene's and the view's number alone.
+class DegradedPictures : public Dataset {
+ public:
+  DegradedPictures(std::unique_ptr<Dataset> dataset, Degradation degradation);
+
+  std::string Name() const override { return dataset_->Name(); }
+  std::size_t ObjectCount() const override { return dataset_->ObjectCount(); }
+  std::size_t PairCount() const override { return dataset_->PairCount(); }
+  EvaluationScene Load(std::size_t index) const override;
+
+ private:
+  std::unique_ptr<Dataset> dataset_;
+  Degradation degradation_;
+};
+
+}  // namespace antipode
