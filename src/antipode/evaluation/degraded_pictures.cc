@@ -41,15 +41,8 @@ Degradation DegradationNamed(const std::string& name) {
 }
 
 DegradedPictures::DegradedPictures(std::unique_ptr<Dataset> dataset, Degradation degradation)
-    : dataset_(std::move(dataset)), degradation_(degradation) {}
-
-EvaluationScene DegradedPictures::Load(std::size_t index) const {
-  EvaluationScene scene = dataset_->Load(index);
-  for (std::size_t view = 0; view < scene.views.size(); ++view) {
-    std::mt19937_64 random(CombineSeeds(index, view));
-    Degrade(scene.views[view].photograph, degradation_, random);
-  }
-  return scene;
-}
+    : AlteredPhotographs(std::move(dataset), [degradation](ObjectPhotograph& photograph, std::mt19937_64& random) {
+        Degrade(photograph, degradation, random);
+      }) {}
 
 }  // namespace antipode

@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-#include "antipode/evaluation/dataset.h"
+#include "antipode/evaluation/altered_photographs.h"
 
 namespace antipode {
 
@@ -18,19 +18,10 @@ enum class Degradation {
 /// @param name motion-blur, noise, jpeg or cut-off @throws InvalidOption
 Degradation DegradationNamed(const std::string& name);
 
-/// A data set of photographs as they really are. What chance decides depends on the scene's and the view's number alone.
-class DegradedPictures : public Dataset {
+/// A data set of photographs as they really are.
+class DegradedPictures : public AlteredPhotographs {
  public:
   DegradedPictures(std::unique_ptr<Dataset> dataset, Degradation degradation);
-
-  std::string Name() const override { return dataset_->Name(); }
-  std::size_t ObjectCount() const override { return dataset_->ObjectCount(); }
-  std::size_t PairCount() const override { return dataset_->PairCount(); }
-  EvaluationScene Load(std::size_t index) const override;
-
- private:
-  std::unique_ptr<Dataset> dataset_;
-  Degradation degradation_;
 };
 
 }  // namespace antipode

@@ -1,20 +1,21 @@
 #include "antipode/image/degradation.h"
 
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "antipode/geometry/rotation.h"
+
 namespace antipode {
 
 cv::Mat MotionBlurred(const cv::Mat& picture, double length, double angle_deg) {
   const int reach = static_cast<int>(std::ceil(length / 2)), size = 2 * reach + 1;
-  const double angle = angle_deg * std::numbers::pi / 180;
+  const double angle = RadiansFromDegrees(angle_deg);
   const cv::Point2d middle(reach, reach), half(length / 2 * std::cos(angle), length / 2 * std::sin(angle));
   constexpr int kFraction = 8;  // binary digits of the line's ends
-  const auto fixed = [](const cv::Point2d& point) { return cv::Point(cv::Point2d(point * (1 << kFraction))); };
+  const auto fixed = [](const cv::Point2d& point) { return cv::Point(point * (1 << kFraction)); };
   cv::Mat line = cv::Mat::zeros(size, size, CV_8U), kernel, blurred;
   cv::line(line, fixed(middle - half), fixed(middle + half), cv::Scalar(255), 1, cv::LINE_AA, kFraction);
   line.convertTo(kernel, CV_32F, 1 / cv::sum(line)[0]);

@@ -177,9 +177,10 @@ void ShowViews(ViewVolume& network, const fs::path& meshes, int views, torch::De
       pictures.push_back(OnWhite(plain));
     }
     const Tensor volume = network->forward(pictures.front().to(device)).to(torch::kFloat);
-    const Tensor shown = RenderVolumes(volume, VolumeCamerasOf(poses, focal_lengths, size), {.image_size = kShownSide}).rgb.cpu();
-    for (int view = 1; view <= views; ++view)
-      use({Reduced(pictures.front(), kShownSide), Reduced(pictures[view], kShownSide), shown.slice(0, view, view + 1)});
+    const std::vector<VolumeCamera> cameras = VolumeCamerasOf(poses, focal_lengths, size);
+    const Tensor shown = RenderVolumes(volume, std::span(cameras).subspan(1), {.image_size = kShownSide}).rgb.cpu();
+    const Tensor picture = Reduced(pictures.front(), kShownSide);
+    for (int view = 1; view <= views; ++view) use({picture, Reduced(pictures[view], kShownSide), shown.slice(0, view - 1, view)});
   }
 }
 
