@@ -1,8 +1,10 @@
 #include "antipode/training/volume_trainer.h"
 
 #include <cmath>
+#include <map>
 #include <optional>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "antipode/gen6d/shared_backbone.h"
@@ -64,7 +66,9 @@ class Trainer {
     model_->backbone->FreezeFirstBlocks(kAllBlocks);
     model_->to(device_);
     for (auto& item : model_->named_parameters()) item.value().set_requires_grad(!IsBackbone(item.key()));
-    run_.emplace(options.run, *model_, torch::optim::AdamWOptions().weight_decay(options.weight_decay).betas({0.9, 0.99}), config.ToMetadata(),
+    std::map<std::string, std::string> configuration = config.ToMetadata();
+    configuration["backbone_sha256"] = backbone_.sha256;
+    run_.emplace(options.run, *model_, torch::optim::AdamWOptions().weight_decay(options.weight_decay).betas({0.9, 0.99}), std::move(configuration),
                  progress);
   }
 

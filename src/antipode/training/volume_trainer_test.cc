@@ -1,7 +1,11 @@
 #include "antipode/training/volume_trainer.h"
 
+#include <algorithm>
+#include <cstddef>
+
 #include <gtest/gtest.h>
 
+#include "antipode/gen6d/shared_backbone.h"
 #include "antipode/geometry/look_at.h"
 #include "antipode/geometry/rotation.h"
 #include "antipode/nn/module_weights.h"
@@ -11,6 +15,7 @@
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/temporary_folder.h"
+#include "antipode/weights/registry.h"
 #include "antipode/weights/safetensors.h"
 
 namespace antipode {
@@ -77,6 +82,13 @@ TEST(TrainVolume, ResumesExactly) {
   ViewVolumeConfig other = TinyConfig();
   other.depth = 8;
   EXPECT_THROW(TrainVolume(options, other), BadFile);
+
+  TensorFile prior = LoadModel("prior");
+  for (auto& [name, tensor] : prior.tensors)
+    if (IsBackbone(name)) std::fill(tensor.data.begin(), tensor.data.end(), std::byte{0});
+  SaveModel(temporary.path(), "prior", prior, "A prior with another backbone", "Apache-2.0", "");
+  options.prior = (temporary.path() / "prior").string();
+  EXPECT_THROW(TrainVolume(options, TinyConfig()), BadFile) << "the checkpoint goes with the backbone that it was trained with";
 }
 
 TEST(VolumeCamerasOf, ShowTheMiddleOfTheObjectWhereTheyDid) {
