@@ -52,3 +52,5 @@ mkdir -p "$out"
 "$program" train views --objects "$objects" --prior "$out/ranked/prior" --out "$out/views" --minutes "$(share 15)" \
   --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" "${batch[@]}" $(resume views)
 echo "Models: $out/ranked/prior, $out/upright/upright, $out/volume/volume, $out/views/views"
+echo "models/selector and models/refiner see with the backbone of models/prior. If another one takes its place, train them for it, too:" \
+  "antipode train selector|refiner --backbone-model $out/ranked/prior ..."
