@@ -8,6 +8,7 @@
 #include "antipode/render/mesh_pack.h"
 #include "antipode/training/batch_loader.h"
 #include "antipode/training/test_objects.h"
+#include "antipode/training/test_stop.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/temporary_folder.h"
@@ -63,11 +64,7 @@ TEST_F(PriorTrainerTest, AResumedRunGivesTheSameWeights) {
   // Stop in the second stage by a callback that throws after the first checkpoint.
   PriorTrainingOptions parts = Options("parts");
   parts.minutes_between_checkpoints = 0;
-  int steps = 0;
-  const auto stop = [&](const Progress& progress) {
-    if (progress.stage.starts_with("training") && ++steps == 4) throw Interrupted("test", "stops");
-  };
-  EXPECT_THROW(TrainPrior(parts, StartFrom::kScratch, stop), Interrupted);
+  EXPECT_THROW(TrainPrior(parts, StartFrom::kScratch, StopAtStep(4)), Interrupted);
   EXPECT_EQ(SafetensorsReader(parts.out / "checkpoint.safetensors").metadata().at("step"), "3");
   const auto resumed = TrainPrior(parts, StartFrom::kCheckpoint, {});
   EXPECT_EQ(resumed.steps, 4);

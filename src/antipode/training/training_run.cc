@@ -50,7 +50,7 @@ double TrainingRun::Fraction() const {
 }
 
 TrainingResult TrainingRun::Run(const AddGradients& add_gradients) {
-  stopwatch_ = {};
+  stopwatch_ = since_checkpoint_ = {};
   std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
   if (!options_.resume) log << "step,minutes,loss\n";
   TrainingResult result;
@@ -58,6 +58,7 @@ TrainingResult TrainingRun::Run(const AddGradients& add_gradients) {
     Step(add_gradients);
     if (step_ % kStepsBetweenLines == 0) log << step_ << ',' << Minutes() << ',' << losses_.last() << std::endl;
     if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction()), 1000, Formatted("loss %.4f", losses_.last())});
+    if (since_checkpoint_.Seconds() > 60 * options_.minutes_between_checkpoints) SaveCheckpoint();
     result.interrupted = InterruptRequested();
   }
   SaveCheckpoint();
@@ -65,6 +66,12 @@ TrainingResult TrainingRun::Run(const AddGradients& add_gradients) {
   result.first_loss = losses_.first();
   result.last_loss = losses_.last();
   return result;
+}
+
+void TrainingRun::TakeAverage() {
+  const torch::NoGradGuard no_gradient;
+  for (auto& item : network_.named_parameters())
+    if (item.value().requires_grad()) item.value().copy_(average_.at(item.key()));
 }
 
 void TrainingRun::Step(const AddGradients& add_gradients) {
@@ -87,6 +94,7 @@ void TrainingRun::SaveCheckpoint() {
   file.metadata["minutes"] = std::to_string(Minutes());
   AddTrainingState(file, network_, average_, optimizer_);
   WriteSafetensors(options_.out / kCheckpoint, file);
+  since_checkpoint_ = {};
 }
 
 void TrainingRun::LoadCheckpoint() {

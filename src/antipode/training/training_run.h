@@ -25,6 +25,7 @@ struct TrainingRunOptions {
   double gradient_clip = 1.0;
   double average_decay = 0.999; ///< of the exponential moving average that is saved as the model
   int averaged_losses = 20;    ///< steps over which the losses of the result are means
+  double minutes_between_checkpoints = 5;
   bool resume = false;
   std::uint64_t seed = 1;
   void Check() const;
@@ -60,6 +61,9 @@ class TrainingRun {
   /// The exponential moving average of the parameters, which is what should be kept of them.
   const MovingAverage& average() const { return average_; }
 
+  /// Puts the average in the place of the trained parameters.
+  void TakeAverage();
+
  private:
   double Minutes() const;
   double Fraction() const;
@@ -76,7 +80,7 @@ class TrainingRun {
   LossAverage losses_;
   std::int64_t step_ = 0;
   double minutes_before_ = 0;
-  Stopwatch stopwatch_;
+  Stopwatch stopwatch_, since_checkpoint_;
 };
 
 }  // namespace antipode

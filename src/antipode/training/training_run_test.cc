@@ -48,6 +48,29 @@ TEST(TrainingRun, Learns) {
   EXPECT_NEAR(line.At(0.5), 2, 0.05);
 }
 
+TEST(TrainingRun, TakesTheAverageOfWhatIsTrained) {
+  const TemporaryFolder folder;
+  Line line;
+  TrainingRun run = line.MakeRun(Options(folder, 10));
+  run.Run([&](std::int64_t) { return line.AddGradients(); });
+  const double last = line.At(0);
+  run.TakeAverage();
+  EXPECT_EQ(line.At(0), run.average().at("bias").item<double>());
+  EXPECT_NE(line.At(0), last);
+}
+
+TEST(TrainingRun, SavesCheckpointsAsItGoes) {
+  const TemporaryFolder folder;
+  Line line;
+  TrainingRunOptions options = Options(folder, 3);
+  options.minutes_between_checkpoints = 0;
+  TrainingRun run = line.MakeRun(options);
+  run.Run([&](std::int64_t step) {
+    EXPECT_EQ(std::filesystem::exists(folder.path() / "checkpoint.safetensors"), step > 0);
+    return line.AddGradients();
+  });
+}
+
 TEST(TrainingRun, GoesOnFromItsCheckpoint) {
   const TemporaryFolder folder;
   const auto train = [&](TrainingRunOptions options, bool resume) {

@@ -74,7 +74,8 @@ class Trainer {
 
   VolumeTrainingResult Run() {
     VolumeTrainingResult result{run_->Run([this](std::int64_t step) { return AddGradients(step); })};
-    TakeAverage();
+    run_->TakeAverage();
+    model_->eval();
     if (!result.interrupted && !options_.validation_objects.empty()) Validate(result);
     result.model = SaveAverage(result);
     return result;
@@ -93,13 +94,6 @@ class Trainer {
                         options_.alpha_weight * (seen.alpha - batch.alphas.to(device_)).square().mean();
     loss.backward();
     return loss.item<double>();
-  }
-
-  void TakeAverage() {
-    const torch::NoGradGuard no_gradient;
-    for (auto& item : model_->named_parameters())
-      if (!IsBackbone(item.key())) item.value().copy_(run_->average().at(item.key()));
-    model_->eval();
   }
 
   void Validate(VolumeTrainingResult& result) {
