@@ -136,20 +136,18 @@ class TrainRankerCommand : public Command {
   std::string Name() const override { return "ranker"; }
   std::string Summary() const override { return "A prior's second stage, which weighs its hypotheses anew"; }
   std::string Example() const override {
-    return "  antipode train ranker --objects meshes/train --validation meshes/val --model my_prior/prior --out my_ranked_prior";
+    return "  antipode train ranker --objects meshes/train --validation meshes/val --model my_prior/prior --out my_ranked_prior\n"
+           "Ctrl-C saves and stops; go on with the same command and --resume.";
   }
 
   void DeclareOptions(CLI::App& app) override {
     DeclareObjects(app, options_.objects);
-    app.add_option("--out", options_.out, "Folder for log.csv and the model prior/, both stages in one")->required()->type_name("DIR");
+    DeclareRun(app, options_.run, "prior");
     app.add_option("--validation", options_.validation_objects, "Folder or pack of .glb files to calibrate on; without: as it was")->type_name("DIR|PACK");
     app.add_option("--model", options_.prior, "The first stage: name of a model or its folder")->capture_default_str()->type_name("NAME|FOLDER");
     DeclareCache(app, options_.cache, options_.views);
-    app.add_option("--minutes", options_.minutes, "Time budget after encoding")->capture_default_str()->type_name("N");
-    app.add_option("--iterations", options_.iterations, "Or a number of steps, which makes runs reproducible")->type_name("N");
     app.add_option("--groups", options_.groups, "Groups of views of one object that are encoded")->capture_default_str()->type_name("N");
     app.add_option("--batch", options_.batch, "Pairs a step")->capture_default_str()->type_name("N");
-    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
     app.add_option("--points", options_.ranker.points, "Of the sphere, where the codes are compared")->capture_default_str()->type_name("N");
     app.add_option("--width", options_.ranker.width, "What is kept of a code at a point")->capture_default_str()->type_name("N");
     app.add_option("--hidden", options_.ranker.hidden, "Width of the layers that compare")->capture_default_str()->type_name("N");
@@ -158,7 +156,7 @@ class TrainRankerCommand : public Command {
 
   void Run() override {
     common_.Apply();
-    options_.seed = common_.seed;
+    options_.run.seed = common_.seed;
     options_.threads = common_.threads;
     ProgressLine line(common_.ProgressMode());
     const RankerTrainingResult result = TrainRanker(options_, [&](const Progress& progress) {
@@ -166,9 +164,10 @@ class TrainRankerCommand : public Command {
       line.Show(progress);
     });
     WriteJson(common_, result);
+    if (result.interrupted) ThrowStopped(result.steps);
     if (!common_.PrintsText()) return;
-    std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last\n", static_cast<long long>(result.steps), result.first_loss,
-                           result.last_loss)
+    std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last; the best hypothesis chosen in %.0f %% of pairs\n",
+                           static_cast<long long>(result.steps), result.first_loss, result.last_loss, 100 * result.share_right)
               << "Model: " << result.model.string() << "\n"
               << "Next: antipode pose REFERENCE QUERY --model " << result.model.string() << "\n";
   }
@@ -373,30 +372,28 @@ class TrainViewComparisonCommand : public Command {
   }
   std::string Example() const override {
     return "  antipode train " + Name() + " --objects meshes/train --out my_" + Name() + " --minutes 60\n" +
-           "  antipode pose front.jpg back.jpg --mesh object.glb --" + Name() + " my_" + Name() + "/" + Name();
+           "  antipode pose front.jpg back.jpg --mesh object.glb --" + Name() + " my_" + Name() + "/" + Name() + "\n" +
+           "Ctrl-C saves and stops; go on with the same command and --resume.";
   }
 
   void DeclareOptions(CLI::App& app) override {
     DeclareObjects(app, options_.objects);
-    app.add_option("--out", options_.out, "Folder for the model and log.csv")->required()->type_name("DIR");
+    DeclareRun(app, options_.run, Name());
     app.add_option("--backbone", backbone_, "efficientnet-lite0: small, shares that of the prior; vgg11-bn: the published size")
         ->capture_default_str()->type_name("NAME");
     app.add_option("--backbone-model", options_.backbone_model, "Whose backbone it is: a prior, or an imported selector for vgg11-bn")
         ->capture_default_str()->type_name("NAME|FOLDER");
-    app.add_option("--minutes", options_.minutes, "Time budget after rendering")->capture_default_str()->type_name("N");
-    app.add_option("--iterations", options_.iterations, "Or a number of steps")->type_name("N");
     app.add_option("--batch", options_.batch, "Queries a step")->capture_default_str()->type_name("N");
-    app.add_option("--learning-rate", options_.learning_rate, "Highest")->capture_default_str()->type_name("X");
     app.add_option("--most-objects", options_.rendering.most_objects, "Use so many objects; 0: all")->capture_default_str()->type_name("N");
-    app.add_flag("--resume", options_.resume, "Go on from the weights in OUT");
     common_.Declare(app);
   }
 
   void Run() override {
     common_.Apply();
-    options_.seed = common_.seed;
+    options_.run.seed = common_.seed;
     const ViewComparisonTrainingResult result = Train();
     WriteJson(common_, result);
+    if (result.interrupted) ThrowStopped(result.steps);
     if (!common_.PrintsText()) return;
     std::cout << Formatted("%lld steps, loss %.4f at first, %.4f at last; %.4f for a network that says nothing\n",
                            static_cast<long long>(result.steps), result.first_loss, result.last_loss, result.uninformed_loss)

@@ -1,9 +1,11 @@
 #include "antipode/training/ranker_trainer.h"
 
 #include <cmath>
-#include <fstream>
+#include <map>
 #include <numbers>
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "antipode/evaluation/prior_evaluation.h"
 #include "antipode/geometry/rotation.h"
@@ -12,14 +14,11 @@
 #include "antipode/prior/correlation.h"
 #include "antipode/prior/object_prior.h"
 #include "antipode/training/batch_loader.h"
-#include "antipode/training/learning_rate.h"
 #include "antipode/training/loss_average.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/formatted.h"
-#include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
-#include "antipode/util/stopwatch.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -30,8 +29,6 @@ namespace fs = std::filesystem;
 
 constexpr double kSeparationDeg = 30, kPresentDeg = 30, kNearDeg = 10, kFarDeg = 45;
 constexpr int kGroupsAtOnce = 1;  // more pictures at once are slower on the CPU
-constexpr int kWarmUpSteps = 200;
-constexpr int kStepsOfAverage = 200;
 constexpr int kDraws = 100;
 
 /// Degrees between rotations. [B, K, 3, 3], [B, 1, 3, 3] -> [B, K]
@@ -47,13 +44,13 @@ struct CodedGroups {
 
 CodedGroups Encode(const ObjectPrior& prior, const ViewCache& cache, const RankerTrainingOptions& options,
                    const ProgressCallback& progress) {
-  BatchLoader loader(cache, kGroupsAtOnce, options.views_per_group, prior.ViewOptions().size, options.augmentation, options.seed);
+  BatchLoader loader(cache, kGroupsAtOnce, options.views_per_group, prior.ViewOptions().size, options.augmentation, options.run.seed);
   std::vector<Tensor> codes, rotations;
   for (std::int64_t batch = 0; batch * kGroupsAtOnce < options.groups; ++batch) {
     if (progress) progress({"encoding views", batch * kGroupsAtOnce, options.groups, {}});
     const ViewBatch views = loader.Get(batch);
     const Tensor images = AugmentColors(views.rgba.to(torch::kFloat) / 255, views.groups, options.augmentation,
-                                        CombineSeeds(options.seed + 1, static_cast<std::uint64_t>(batch)));
+                                        CombineSeeds(options.run.seed + 1, static_cast<std::uint64_t>(batch)));
     const Tensor encoded = prior.EncodeImages(images).to(torch::kHalf);
     codes.push_back(encoded.view({views.groups, -1, encoded.size(1), encoded.size(2)}));
     rotations.push_back(ToTensor(views.Rotations()).view({views.groups, -1, 3, 3}));
@@ -113,45 +110,37 @@ struct PairBatch {
   Tensor target;            // [B, K], sums to 1
 };
 
+/// The second stage, and how much the scores of the first one weigh beside it.
+struct JointRanker : torch::nn::Module {
+  explicit JointRanker(const ModeRankerConfig& config)
+      : ranker(register_module("ranker", ModeRanker(config))), score_weight(register_parameter("score_weight", torch::zeros({1}))) {}
+
+  ModeRanker ranker;
+  Tensor score_weight;  // before softplus, which makes 0.7 of 0
+};
+
 class Trainer {
  public:
-  Trainer(const RankerTrainingOptions& options, const ObjectPrior& prior, CodedGroups groups, const ProgressCallback& progress)
-      : options_(options), progress_(progress), groups_(std::move(groups)),
-        grid_(prior.posterior(), prior.calibration().temperature, options.modes) {
-    torch::manual_seed(options.seed);
-    ranker_ = ModeRanker(options.ranker);
-    score_weight_ = torch::zeros({1}).requires_grad_();  // softplus(0) = 0.7
+  Trainer(const RankerTrainingOptions& options, const ObjectPrior& prior, const ProgressCallback& progress)
+      : options_(options), grid_(prior.posterior(), prior.calibration().temperature, options.modes), right_(options.run.averaged_losses) {
+    torch::manual_seed(options.run.seed);
+    network_.emplace(options.ranker);
+    std::map<std::string, std::string> configuration = options.ranker.ToMetadata();
+    configuration["prior_sha256"] = FindModel(options.prior).sha256;
+    run_.emplace(options.run, *network_, torch::optim::AdamWOptions().weight_decay(options.weight_decay), std::move(configuration), progress);
   }
 
-  RankerTrainingResult Run(std::ofstream log) {
-    std::vector<Tensor> parameters = ranker_->parameters();
-    parameters.push_back(score_weight_);
-    torch::optim::AdamW optimizer(parameters, torch::optim::AdamWOptions(options_.learning_rate).weight_decay(options_.weight_decay));
-    log << "step,minutes,loss,share_right\n";
-    RankerTrainingResult result;
-    for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
-      SetLearningRate(optimizer, options_.learning_rate * LearningRateFactor(result.steps, kWarmUpSteps, Fraction(result.steps)));
-      torch::manual_seed(CombineSeeds(options_.seed + 2, static_cast<std::uint64_t>(result.steps)));
-      optimizer.zero_grad();
-      const Tensor loss = Loss();
-      loss.backward();
-      optimizer.step();
-      losses_.Add(loss.item<double>());
-      Report(result.steps);
-      if (result.steps % 100 == 99) log << result.steps + 1 << ',' << stopwatch_.Seconds() / 60 << ',' << losses_.last() << ',' << right_ << std::endl;
-    }
-    result.first_loss = losses_.first();
-    result.last_loss = losses_.last();
+  RankerTrainingResult Run(CodedGroups groups) {
+    groups_ = std::move(groups);
+    RankerTrainingResult result{run_->Run([this](std::int64_t) { return AddGradients(); })};
+    run_->TakeAverage();
+    result.share_right = right_.last();
     return result;
   }
 
-  ModeRanker ranker() const { return ranker_; }
+  ModeRanker ranker() const { return network_->ranker; }
 
  private:
-  double Fraction(std::int64_t steps) const {
-    return options_.iterations > 0 ? static_cast<double>(steps) / options_.iterations : stopwatch_.Seconds() / 60 / options_.minutes;
-  }
-
   /// At least one pair whose modes hold the truth.
   PairBatch DrawPairs() const {
     const torch::NoGradGuard no_gradient;
@@ -182,30 +171,24 @@ class Trainer {
             weights / weights.sum(1, true)};
   }
 
-  Tensor Loss() {
+  double AddGradients() {
     const BFloat16Autocast autocast(torch::kCPU, ProcessorHasBFloat16());
     const PairBatch pairs = DrawPairs();
-    const Tensor log_weights = ranker_->forward(pairs.reference, pairs.query, pairs.modes.rotations);
+    const Tensor log_weights = network_->ranker->forward(pairs.reference, pairs.query, pairs.modes.rotations);
     const auto cross_entropy = [&](const Tensor& logits) { return -(torch::log_softmax(logits, 1) * pairs.target).sum(1).mean(); };
-    const Tensor joint = log_weights + torch::softplus(score_weight_) * pairs.modes.scores;
-    const double right = (joint.argmax(1) == pairs.target.argmax(1)).to(torch::kFloat).mean().item<double>();
-    right_ += (right - right_) / kStepsOfAverage;
-    return cross_entropy(joint) + 0.5 * cross_entropy(log_weights);
-  }
-
-  void Report(std::int64_t steps) const {
-    if (progress_) progress_({"training", static_cast<std::int64_t>(1000 * Fraction(steps)), 1000, Formatted("loss %.3f", losses_.last())});
+    const Tensor joint = log_weights + torch::softplus(network_->score_weight) * pairs.modes.scores;
+    right_.Add((joint.argmax(1) == pairs.target.argmax(1)).to(torch::kFloat).mean().item<double>());
+    const Tensor loss = cross_entropy(joint) + 0.5 * cross_entropy(log_weights);
+    loss.backward();
+    return loss.item<double>();
   }
 
   const RankerTrainingOptions& options_;
-  const ProgressCallback& progress_;
   CodedGroups groups_;
   GridModes grid_;
-  ModeRanker ranker_{nullptr};
-  Tensor score_weight_;
-  LossAverage losses_{kStepsOfAverage};
-  double right_ = 0;
-  Stopwatch stopwatch_;
+  std::optional<JointRanker> network_;
+  LossAverage right_;
+  std::optional<TrainingRun> run_;
 };
 
 /// The prior with this second stage.
@@ -216,15 +199,25 @@ TensorFile WithRanker(const TensorFile& file, ModeRankerImpl& ranker) {
   return prior;
 }
 
+fs::path Save(const RankerTrainingOptions& options, const TensorFile& first_stage, ModeRankerImpl& ranker, const RankerTrainingResult& result) {
+  TensorFile file = WithRanker(first_stage, ranker);
+  const ModelEntry entry = FindModel(options.prior);
+  const std::string training = Formatted("%lld steps, seed %llu, loss %.4f", static_cast<long long>(result.steps),
+                                         static_cast<unsigned long long>(options.run.seed), result.last_loss);
+  file.metadata["ranker_training"] = training;
+  const std::string card = ReadFile(entry.file.parent_path() / "card.md") + "\nSecond stage trained by `antipode train ranker`: " + training + ".\n";
+  SaveModel(options.run.out, "prior", file, entry.description, entry.licence, card);
+  return options.run.out / "prior";
+}
+
 }  // namespace
 
 void RankerTrainingOptions::Check() const {
-  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
+  run.Check();
   if (groups < 1) throw InvalidOption("groups", "must be at least 1");
   if (views_per_group < 2) throw InvalidOption("views_per_group", "leaves no pair", "use at least 2");
   if (batch < 1) throw InvalidOption("batch", "must be at least 1");
   if (modes < 2) throw InvalidOption("modes", "leaves no choice", "use at least 2");
-  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
   ranker.Check();
   views.Check();
 }
@@ -235,25 +228,18 @@ RankerTrainingResult TrainRanker(const RankerTrainingOptions& given, const Progr
   options.views.threads = options.threads > 0 ? options.threads : processors;
   torch::set_num_threads(options.views.threads);
   const ObjectPrior prior = ObjectPrior::Load(options.prior);
+  const TensorFile first_stage = LoadModel(options.prior);
   options.ranker.max_degree = prior.posterior().max_degree();
+  options.ranker.channels = 2 * ObjectEncoderConfig::FromMetadata(first_stage.metadata, options.prior).channels;
   options.Check();
-  fs::create_directories(options.out);
-  const fs::path folder = options.cache.empty() ? options.out / "cache" : options.cache;
+  Trainer trainer(options, prior, progress);
+  const fs::path& out = options.run.out;
+  fs::create_directories(out);
+  const fs::path folder = options.cache.empty() ? out / "cache" : options.cache;
   const ViewCache cache = ViewCache::OpenOrRender(folder, MeshCollection::Open(options.objects), options.views, progress);
-  CodedGroups groups = Encode(prior, cache, options, progress);
-  options.ranker.channels = static_cast<int>(groups.codes.size(2));
-  Trainer trainer(options, prior, std::move(groups), progress);
-  RankerTrainingResult result = trainer.Run(std::ofstream(options.out / "log.csv"));
-
-  TensorFile file = WithRanker(LoadModel(options.prior), *trainer.ranker());
-  const ModelEntry entry = FindModel(options.prior);
-  const std::string training = Formatted("%lld steps, seed %llu, loss %.4f", static_cast<long long>(result.steps),
-                                         static_cast<unsigned long long>(options.seed), result.last_loss);
-  file.metadata["ranker_training"] = training;
-  const std::string card = ReadFile(entry.file.parent_path() / "card.md") + "\nSecond stage trained by `antipode train ranker`: " + training + ".\n";
-  SaveModel(options.out, "prior", file, entry.description, entry.licence, card);
-  result.model = options.out / "prior";
-  if (!options.validation_objects.empty()) CalibrateModel(result.model, options.validation_objects);
+  RankerTrainingResult result = trainer.Run(Encode(prior, cache, options, progress));
+  result.model = Save(options, first_stage, *trainer.ranker(), result);
+  if (!result.interrupted && !options.validation_objects.empty()) CalibrateModel(result.model, options.validation_objects);
   return result;
 }
 

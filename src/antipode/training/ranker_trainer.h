@@ -5,6 +5,7 @@
 
 #include "antipode/prior/mode_ranker.h"
 #include "antipode/training/augmentation.h"
+#include "antipode/training/training_run.h"
 #include "antipode/training/view_cache.h"
 #include "antipode/util/progress.h"
 
@@ -13,20 +14,17 @@ namespace antipode {
 struct RankerTrainingOptions {
   std::filesystem::path objects;             ///< folder or pack of .glb files to train on
   std::filesystem::path validation_objects;  ///< folder or pack to calibrate and measure on; may be empty
-  std::filesystem::path out;                 ///< folder for the model prior/ and log.csv
-  std::filesystem::path cache;               ///< rendered views; empty: `out / "cache"`
+  std::filesystem::path cache;               ///< rendered views; empty: `run.out / "cache"`
   std::string prior = "prior";               ///< the trained first stage
-  double minutes = 45;                       ///< time budget after encoding
-  int iterations = 0;                        ///< if positive, the budget instead of `minutes`
+  /// Its time budget counts from where the views are encoded.
+  TrainingRunOptions run{.minutes = 45, .warm_up_steps = 200, .average_decay = 0.998, .averaged_losses = 200};
   int threads = 0;                           ///< 0: as many as processors
   int groups = 7000;                         ///< groups of views that are encoded
   int views_per_group = 8;
   int batch = 48;                            ///< pairs a step
   int modes = 8;                             ///< hypotheses of a pair
   double rotation_noise_deg = 5;             ///< of the hypotheses
-  double learning_rate = 1e-3;
   double weight_decay = 1e-2;
-  std::uint64_t seed = 1;
   ModeRankerConfig ranker;
   AugmentationOptions augmentation;
   /// Variants that the first stage has not been trained on: on known objects it hardly errs.
@@ -34,10 +32,9 @@ struct RankerTrainingOptions {
   void Check() const;
 };
 
-struct RankerTrainingResult {
-  std::int64_t steps = 0;
-  double first_loss = 0, last_loss = 0;  ///< means of the first and the last 200 steps
-  std::filesystem::path model;           ///< the whole prior: first stage, second stage, calibration
+/// The model is the whole prior: first stage, second stage, calibration.
+struct RankerTrainingResult : TrainingResult {
+  double share_right = 0;  ///< of pairs for which both stages choose the best hypothesis, mean of the last steps
 };
 
 /// Trains the prior's second stage on the modes of its first one. The codes of augmented views are computed once; every

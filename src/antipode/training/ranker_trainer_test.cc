@@ -5,6 +5,7 @@
 #include "antipode/nn/module_weights.h"
 #include "antipode/prior/object_prior.h"
 #include "antipode/training/test_objects.h"
+#include "antipode/training/test_stop.h"
 #include "antipode/util/error.h"
 #include "antipode/util/files.h"
 #include "antipode/util/temporary_folder.h"
@@ -30,9 +31,9 @@ class RankerTrainerTest : public testing::Test {
   RankerTrainingOptions Options() const {
     RankerTrainingOptions options;
     options.objects = options.validation_objects = folder_.path() / "objects";
-    options.out = folder_.path() / "out";
+    options.run.out = folder_.path() / "out";
     options.prior = (folder_.path() / "first").string();
-    options.iterations = 4;
+    options.run.iterations = 4;
     options.threads = 1;
     options.groups = 8;
     options.views_per_group = 3;
@@ -63,12 +64,19 @@ TEST_F(RankerTrainerTest, WritesAPriorOfBothStages) {
   EXPECT_NE(ReadFile(result.model / "card.md").find("4 steps"), std::string::npos);
 }
 
-TEST_F(RankerTrainerTest, TheSameSeedGivesTheSameWeights) {
+TEST_F(RankerTrainerTest, ResumesExactly) {
   RankerTrainingOptions options = Options();
   options.validation_objects.clear();
-  const TensorFile one = LoadModel(TrainRanker(options).model.string());
-  const TensorFile other = LoadModel(TrainRanker(options).model.string());
-  for (const auto& [name, tensor] : one.tensors) EXPECT_EQ(tensor.data, other.tensors.at(name).data) << name;
+  const TensorFile whole = LoadModel(TrainRanker(options).model.string());
+  options.run.minutes_between_checkpoints = 0;
+  EXPECT_THROW(TrainRanker(options, StopAtStep(3)), Interrupted);
+  options.run.resume = true;
+  const RankerTrainingResult result = TrainRanker(options);
+  EXPECT_EQ(result.steps, 4);
+  const TensorFile resumed = LoadModel(result.model.string());
+  for (const auto& [name, tensor] : whole.tensors) EXPECT_EQ(tensor.data, resumed.tensors.at(name).data) << name;
+  options.ranker.width = 16;
+  EXPECT_THROW(TrainRanker(options), BadFile);
 }
 
 TEST_F(RankerTrainerTest, RefusesImpossibleOptions) {

@@ -1,20 +1,18 @@
 #include "antipode/training/view_comparison_trainer.h"
 
 #include <cmath>
-#include <fstream>
-#include <functional>
+#include <map>
+#include <optional>
+#include <utility>
 
 #include "antipode/gen6d/losses.h"
 #include "antipode/gen6d/shared_backbone.h"
 #include "antipode/geometry/rotation.h"
 #include "antipode/nn/module_weights.h"
-#include "antipode/training/learning_rate.h"
 #include "antipode/training/loss_average.h"
 #include "antipode/util/error.h"
 #include "antipode/util/formatted.h"
-#include "antipode/util/interrupt.h"
 #include "antipode/util/seeds.h"
-#include "antipode/util/stopwatch.h"
 #include "antipode/weights/registry.h"
 
 namespace antipode {
@@ -22,9 +20,6 @@ namespace {
 
 using torch::Tensor;
 namespace fs = std::filesystem;
-
-constexpr int kStepsOfAverage = 100;
-constexpr int kWarmUpSteps = 200;
 
 Tensor ToTensor(const Eigen::MatrixXd& matrix) {
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
@@ -131,64 +126,42 @@ class RefinerStep {
   Refiner refiner_;
 };
 
-/// The loop that both share.
+/// What both have in common.
 template <typename Network, typename Step>
 class Training {
  public:
   Training(const ViewComparisonTrainingOptions& options, Network network, std::string name, const ProgressCallback& progress)
       : options_(options), network_(std::move(network)), name_(std::move(name)), progress_(progress),
-        backbone_(LoadSharedBackbone(options.backbone_model)) {
+        backbone_(LoadSharedBackbone(options.backbone_model)), uninformed_(options.run.averaged_losses) {
     InitializeRest();
-    if (options_.resume) Resume();
+    std::map<std::string, std::string> configuration = network_->config().ToMetadata();
+    configuration["backbone_sha256"] = backbone_.sha256;
+    run_.emplace(options.run, *network_, torch::optim::AdamWOptions().weight_decay(options.weight_decay), std::move(configuration),
+                 [this](const Progress& progress) { Report(progress); });
   }
 
   ViewComparisonTrainingResult Run(Step step) {
     const std::vector<PosedObject> objects = RenderPosedObjects(options_.objects, options_.rendering, progress_);
-    fs::create_directories(options_.out);
-    std::ofstream log(options_.out / "log.csv", options_.resume ? std::ios::app : std::ios::trunc);
-    if (!options_.resume) log << "step,minutes,loss,uninformed\n";
-    torch::optim::AdamW optimizer(Trained(), torch::optim::AdamWOptions(options_.learning_rate).weight_decay(options_.weight_decay));
-    stopwatch_ = {};
-    ViewComparisonTrainingResult result;
-    for (; Fraction(result.steps) < 1 && !InterruptRequested(); ++result.steps) {
-      std::mt19937_64 random(CombineSeeds(options_.seed, static_cast<std::uint64_t>(first_step_ + result.steps)));
-      SetLearningRate(optimizer, options_.learning_rate * LearningRateFactor(result.steps, kWarmUpSteps, Fraction(result.steps)));
-      optimizer.zero_grad();
+    fs::create_directories(options_.run.out);
+    const auto add_gradients = [&](std::int64_t index) {
+      std::mt19937_64 random(CombineSeeds(options_.run.seed, static_cast<std::uint64_t>(index)));
       const StepLoss of_step = step.Loss(objects[UniformIndex(random, objects.size())], options_.batch, random);
-      losses_.Add(of_step.loss.item<double>());
-      uninformed_.Add(of_step.uninformed);
-      Report(result.steps);
       of_step.loss.backward();
-      torch::nn::utils::clip_grad_norm_(Trained(), options_.gradient_clip);
-      optimizer.step();
-      if (result.steps % 20 == 0) log << first_step_ + result.steps << ',' << Minutes() << ',' << losses_.last() << ',' << uninformed_.last() << std::endl;
-    }
-    result.first_loss = losses_.first();
-    result.last_loss = losses_.last();
+      uninformed_.Add(of_step.uninformed);
+      return of_step.loss.template item<double>();
+    };
+    ViewComparisonTrainingResult result{run_->Run(add_gradients)};
+    run_->TakeAverage();
     result.uninformed_loss = uninformed_.last();
     result.model = Save(result);
     return result;
   }
 
  private:
-  double Minutes() const { return stopwatch_.Seconds() / 60; }
-  double Fraction(std::int64_t steps) const {
-    if (options_.iterations > 0) return static_cast<double>(steps) / options_.iterations;
-    return Minutes() / options_.minutes;
-  }
-
-  /// Everything but the backbone, which takes no gradients.
-  std::vector<Tensor> Trained() {
-    std::vector<Tensor> parameters;
-    for (const auto& item : network_->named_parameters())
-      if (!IsBackbone(item.key())) parameters.push_back(item.value());
-    return parameters;
-  }
-
   /// Some layers are made without values.
   void InitializeRest() {
     const torch::NoGradGuard no_gradient;
-    torch::manual_seed(options_.seed);
+    torch::manual_seed(options_.run.seed);
     for (auto& item : network_->named_parameters()) {
       if (IsBackbone(item.key())) {
         item.value().set_requires_grad(false);
@@ -208,17 +181,10 @@ class Training {
     LoadBesideBackbone(*network_, WithoutBackbone(WeightsOf(*network_)), backbone_, options_.backbone_model);
   }
 
-  void Resume() {
-    const fs::path folder = options_.out / name_;
-    const TensorFile file = LoadModel(folder.string());
-    LoadBesideBackbone(*network_, file, backbone_, folder.string());
-    first_step_ = std::stoll(file.metadata.at("steps"));
-  }
-
-  void Report(std::int64_t steps) const {
-    if (progress_)
-      progress_({"training", static_cast<std::int64_t>(1000 * Fraction(steps)), 1000,
-                 Formatted("loss %.4f, %.4f if it said nothing", losses_.last(), uninformed_.last())});
+  void Report(Progress progress) const {
+    if (!progress_) return;
+    progress.detail += Formatted(", %.4f if it said nothing", uninformed_.last());
+    progress_(progress);
   }
 
   fs::path Save(const ViewComparisonTrainingResult& result) {
@@ -227,12 +193,12 @@ class Training {
     file.metadata = network_->config().ToMetadata();
     file.metadata["backbone_model"] = options_.backbone_model;
     file.metadata["backbone_sha256"] = backbone_.sha256;
-    file.metadata["steps"] = std::to_string(first_step_ + result.steps);
-    SaveModel(options_.out, name_, file, "Gen6D's " + name_ + ", trained on rendered objects", "Apache-2.0",
-              "# " + name_ + "\n\nTrained by `antipode train " + name_ + "`: " + std::to_string(first_step_ + result.steps) + " steps, seed " +
-                  std::to_string(options_.seed) +
+    file.metadata["steps"] = std::to_string(result.steps);
+    SaveModel(options_.run.out, name_, file, "Gen6D's " + name_ + ", trained on rendered objects", "Apache-2.0",
+              "# " + name_ + "\n\nTrained by `antipode train " + name_ + "`: " + std::to_string(result.steps) + " steps, seed " +
+                  std::to_string(options_.run.seed) +
                   Formatted(", loss %.4f (%.4f for a network that says nothing).\n", result.last_loss, result.uninformed_loss));
-    return options_.out / name_;
+    return options_.run.out / name_;
   }
 
   const ViewComparisonTrainingOptions& options_;
@@ -240,18 +206,16 @@ class Training {
   std::string name_;
   const ProgressCallback& progress_;
   SharedBackbone backbone_;
-  std::int64_t first_step_ = 0;
-  LossAverage losses_{kStepsOfAverage}, uninformed_{kStepsOfAverage};
-  Stopwatch stopwatch_;
+  LossAverage uninformed_;
+  std::optional<TrainingRun> run_;
 };
 
 }  // namespace
 
 void ViewComparisonTrainingOptions::Check() const {
-  if (!(minutes > 0)) throw InvalidOption("minutes", "must be positive");
+  run.Check();
   if (batch < 1) throw InvalidOption("batch", "must be at least 1");
   if (views < 8) throw InvalidOption("views", "is " + std::to_string(views), "use at least 8");
-  if (!(learning_rate > 0)) throw InvalidOption("learning_rate", "must be positive");
   rendering.Check();
 }
 

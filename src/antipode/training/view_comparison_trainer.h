@@ -6,6 +6,7 @@
 #include "antipode/gen6d/refiner.h"
 #include "antipode/gen6d/selector.h"
 #include "antipode/training/posed_objects.h"
+#include "antipode/training/training_run.h"
 
 namespace antipode {
 
@@ -13,26 +14,17 @@ namespace antipode {
 /// ECCV 2022; the losses are in gen6d/losses.h). The backbone stays as it is: that of a trained prior, or VGG-11.
 struct ViewComparisonTrainingOptions {
   std::filesystem::path objects;   ///< folder or pack of .glb files
-  std::filesystem::path out;       ///< folder for the model and log.csv
   std::string backbone_model = "prior";  ///< whose backbone the built-in networks share
-  double minutes = 60;
-  int iterations = 0;              ///< if positive, the budget instead of `minutes`
+  TrainingRunOptions run{.learning_rate = 5e-4, .warm_up_steps = 200, .average_decay = 0.995, .averaged_losses = 100};
   int batch = 8;                   ///< queries a step; the refiner's are of one group, see QueryGroup
   int views = 24;                  ///< references that the selector chooses from
-  double learning_rate = 5e-4;
   double weight_decay = 1e-3;
-  double gradient_clip = 1.0;
-  bool resume = false;             ///< go on from the weights in `out`
-  std::uint64_t seed = 1;
   PosedObjectOptions rendering;
   void Check() const;
 };
 
-struct ViewComparisonTrainingResult {
-  std::int64_t steps = 0;
-  double first_loss = 0, last_loss = 0;  ///< means of the first and the last 100 steps
-  double uninformed_loss = 0;            ///< of a network that says nothing, in the last 100 steps
-  std::filesystem::path model;
+struct ViewComparisonTrainingResult : TrainingResult {
+  double uninformed_loss = 0;  ///< of a network that says nothing, mean of the last steps
 };
 
 /// The built-in shape: with EfficientNet-Lite0, about a million parameters beside the shared backbone.
