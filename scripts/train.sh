@@ -26,31 +26,28 @@ share() {
 # Groups of views for the second stage: encoding them takes about as long as the budget that they are for.
 groups=$(python3 -c "print(int(max(100, min(7000, 50 * $minutes))))")
 
-# --resume if there is something to resume.
-resume() {
-  [ ! -f "$out/$1/checkpoint.safetensors" ] || echo --resume
+# stage NAME MODEL [OPTION...]: trains a model into OUT/NAME, unless it is done; goes on where it was stopped.
+stage() {
+  local folder=$out/$1 model=$2 resume=()
+  shift 2
+  [ ! -f "$folder/done" ] || return 0
+  [ ! -f "$folder/checkpoint.safetensors" ] || resume=(--resume)
+  "$program" train "$model" --objects "$objects" --out "$folder" "$@" "${resume[@]}"
+  touch "$folder/done"
 }
 
 # A GPU needs larger steps to be busy.
 batch=()
 [ "$device" != cuda ] || batch=(--objects-per-step 24)
 
+rendered=(--cache "$out/first_stage/cache" --variants 10 --cached-views 16)
+
 mkdir -p "$out"
-# shellcheck disable=SC2046  # no word where there is nothing to resume
-"$program" train prior --objects "$objects" --validation "$validation" --out "$out/first_stage" --minutes "$(share 50)" \
-  --variants 10 --cached-views 16 --device "$device" --start "$start" "${batch[@]}" $(resume first_stage)
-[ -d "$out/ranked/prior" ] ||
-  "$program" train ranker --objects "$objects" --validation "$validation" --model "$out/first_stage/prior" --out "$out/ranked" \
-    --groups "$groups" --minutes "$(share 20)"
-[ -d "$out/upright/upright" ] ||
-  "$program" train upright --objects "$objects" --model "$out/ranked/prior" --out "$out/upright" --cache "$out/first_stage/cache" \
-    --variants 10 --cached-views 16
-[ -d "$out/volume/volume" ] ||
-  "$program" train volume --objects "$objects" --validation "$validation" --prior "$out/ranked/prior" --out "$out/volume" \
-    --minutes "$(share 15)" --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" "${batch[@]}"
-# shellcheck disable=SC2046
-"$program" train views --objects "$objects" --prior "$out/ranked/prior" --out "$out/views" --minutes "$(share 15)" \
-  --cache "$out/first_stage/cache" --variants 10 --cached-views 16 --device "$device" "${batch[@]}" $(resume views)
+stage first_stage prior --validation "$validation" --minutes "$(share 50)" "${rendered[@]}" --device "$device" --start "$start" "${batch[@]}"
+stage ranked ranker --validation "$validation" --model "$out/first_stage/prior" --groups "$groups" --minutes "$(share 20)"
+stage upright upright --model "$out/ranked/prior" "${rendered[@]}"
+stage volume volume --validation "$validation" --prior "$out/ranked/prior" --minutes "$(share 15)" "${rendered[@]}" --device "$device" "${batch[@]}"
+stage views views --prior "$out/ranked/prior" --minutes "$(share 15)" "${rendered[@]}" --device "$device" "${batch[@]}"
 echo "Models: $out/ranked/prior, $out/upright/upright, $out/volume/volume, $out/views/views"
 echo "models/selector and models/refiner see with the backbone of models/prior. If another one takes its place, train them for it, too:" \
   "antipode train selector|refiner --backbone-model $out/ranked/prior ..."
