@@ -25,7 +25,7 @@ struct AugmentationOptions {
   int mask_error_pixels = 5;
   double blur_share = 0.2;      ///< out of focus or by motion, equally often
   double compression_share = 0.2;  ///< kept as a JPEG of low quality
-  double cut_share = 0.1;       ///< up to a quarter cut off by the picture's border
+  double cut_share = 0.2;       ///< up to a quarter cut off by the picture's border
   double recolor_share = 0.5;   ///< groups with turned hues
 };
 

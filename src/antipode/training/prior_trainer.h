@@ -42,7 +42,7 @@ struct PriorTrainingOptions {
   double minutes_between_validations = 10;
 
   ObjectEncoderConfig encoder;
-  EncoderDropout dropout{.branches = 0.1, .tokens = 0.1};
+  EncoderDropout dropout{.branches = 0, .tokens = 0.05};
   AugmentationOptions augmentation;
   ViewCacheOptions views;
   void Check() const;
