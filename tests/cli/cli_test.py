@@ -83,8 +83,8 @@ class Contract:
         expect(not done.stderr, f"wrote to standard error: {done.stderr}")
         return done.stdout
 
-    def pose(self, *options, query=None):
-        return json.loads(self.succeed("pose", self.a, query or self.b, "--model", self.program.model, "--json", "-",
+    def pose(self, *options, reference=None, query=None):
+        return json.loads(self.succeed("pose", reference or self.a, query or self.b, "--model", self.program.model, "--json", "-",
                                        "--reference-camera", "fov=40", "--query-camera", "fov=40", *options))
 
     def environment(self, name):
@@ -134,20 +134,17 @@ class Contract:
         expect(done.returncode == 2 and "did you mean matching?" in done.stderr, done.stderr)
 
     def check_two_way(self):
-        forward, backward = self.pose("--two-way"), json.loads(self.succeed(
-            "pose", self.b, self.a, "--model", self.program.model, "--two-way", "--json", "-", "--reference-camera", "fov=40",
-            "--query-camera", "fov=40"))
+        forward, backward = self.pose("--two-way"), self.pose("--two-way", reference=self.b, query=self.a)
         rotations = [result["query_from_reference"]["rotation"] for result in (forward, backward)]
         expect(distance_from_identity(product(*rotations)) < 1e-6, "the order of the photographs counts")
         expect(forward["evidence"]["two_way_disagreement_deg"] >= 0, forward["evidence"])
 
     def check_upright(self):
         buddha = pathlib.Path(__file__).parents[2] / "demo" / "buddha"
-        views = [view for role, name in (("reference", "00018"), ("query", "00046"))
-                 for view in (buddha / "images" / f"{name}.jpg", f"--{role}-mask", buddha / "masks" / f"{name}.png")]
-        weights = [[hypothesis["probability"] for hypothesis in json.loads(self.succeed(
-            "pose", *views, "--model", self.program.model, "--method", "prior", "--reference-camera", "fov=40", "--query-camera", "fov=40",
-            "--json", "-", *options))["hypotheses"]] for options in ((), ("--upright",))]
+        photos = {"reference": buddha / "images/00018.jpg", "query": buddha / "images/00046.jpg"}
+        masks = ("--reference-mask", buddha / "masks/00018.png", "--query-mask", buddha / "masks/00046.png")
+        any_roll, level = self.pose("--method", "prior", *masks, **photos), self.pose("--method", "prior", *masks, "--upright", **photos)
+        weights = [[hypothesis["probability"] for hypothesis in result["hypotheses"]] for result in (any_roll, level)]
         expect(len(weights[0]) > 1 and weights[0] != weights[1], "level cameras make no difference")
         done = self.program.run("pose", self.a, self.b, "--method", "matching", "--upright")
         expect(done.returncode == 2 and "--upright" in done.stderr, done.stderr)
